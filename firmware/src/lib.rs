@@ -1,0 +1,2 @@
+//! SPLASH reconstructor.
+#![no_std]
