@@ -1,2 +1,45 @@
-//! SPLASH reconstructor.
-#![no_std]
+//! SPLASH wavefront reconstructor: detector rows in, DAC codes of a segmented mirror out.
+//!
+//! SPLASH (Butterley, Love, Wilson, Myers & Morris 2006) launches an array of converging laser
+//! beams from a telescope's pupil. Each makes a spot on the sky; the centroid of a spot's image is
+//! its subaperture's wavefront tilt minus the global tilt. A segmented mirror takes tip and tilt
+//! from the centroids and its pistons from a successive over-relaxation solve.
+//!
+//! The library is `no_std`, integer-only in the frame path, without panics or allocation there,
+//! and gives the same bits on a PC, a Cortex-M7 and a RISC-V soft core.
+//!
+//! One stage a file, in the order in which a frame meets them:
+//!
+//! | module | in | out |
+//! |---|---|---|
+//! | [`pixels`] | raw rows, u16 ADU | calibrated, thresholded signal, u16 |
+//! | [`centroid`] | signal | centroid (Q16 px), flux, peak |
+//! | [`slopes`] | centroid | tip, tilt (centre-to-edge path, ulp), validity |
+//! | [`control`] | slopes, what the mirror showed | tip/tilt commands |
+//! | [`sor`] | tip/tilt commands | pistons |
+//! | [`segments`] | piston, tip, tilt | heights of three actuators, inside what they reach |
+//! | [`actuators`] | heights | DAC codes, u16 |
+//!
+//! [`pipeline::Pipeline`] composes them; [`spec::Spec`] describes an instrument in physical units
+//! and [`config::Config::build`] turns it, once, into integers that cannot be wrong.
+
+#![cfg_attr(not(test), no_std)]
+
+pub mod actuators;
+pub mod centroid;
+pub mod config;
+pub mod control;
+pub mod error;
+pub mod fixed;
+pub mod gate;
+pub mod geometry;
+mod omega;
+pub mod pipeline;
+pub mod pixels;
+mod quantise;
+mod readout;
+pub mod redblack;
+pub mod segments;
+pub mod slopes;
+pub mod sor;
+pub mod spec;

@@ -1,0 +1,48 @@
+//! Actuators: heights to DAC codes through each actuator's response.
+//!
+//! ```text
+//! linear      code   = c0 + c1 h            v = 2^15 code
+//! quadratic   code^2 = c0 + c1 h            v = code^2 / 2     (electrostatic: stroke ~ V^2)
+//! ```
+//!
+//! Both are one line v(h) and, for the quadratic response, a rounded square root. `h` is in ulp
+//! above the actuator's zero, 0 ..= 2^25; v is 31 bits, c0 and c1 (the change of v over a quarter
+//! of the stroke) are i32 and the product i64 (2^31 x 2^25 = 2^56). The response is monotonic and both ends of the height range are
+//! checked when the configuration is built, so a code never leaves its DAC; rounding is to
+//! nearest.
+
+use crate::fixed;
+
+/// How an actuator's height follows from its DAC code.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Law {
+    /// Height goes with the code.
+    #[default]
+    Linear,
+    /// Height goes with the square of the code, as in electrostatic mirrors.
+    Quadratic,
+}
+
+/// The line v(h) of one actuator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Response {
+    /// v at height 0.
+    pub(crate) offset: i32,
+    /// Change of v over 2^23 ulp, a quarter of the stroke.
+    pub(crate) slope: i32,
+}
+
+/// ulp, as a power of two, over which [`Response::slope`] is the change: actuators that reach no
+/// more than a quarter of the nominal stroke still fit.
+pub(crate) const SLOPE_BITS: u32 = 23;
+
+/// The DAC code for `height_ulp`.
+#[inline(always)]
+pub(crate) fn code(response: Response, law: Law, height_ulp: u32) -> u16 {
+    let rise = (i64::from(response.slope) * i64::from(height_ulp)) >> SLOPE_BITS;
+    let v = (i64::from(response.offset) + rise).clamp(0, i64::from(i32::MAX)) as u32;
+    match law {
+        Law::Linear => ((v + (1 << 14)) >> 15).min(u32::from(u16::MAX)) as u16,
+        Law::Quadratic => fixed::sqrt_rounded(v << 1),
+    }
+}

@@ -1,0 +1,256 @@
+//! Centroid: first moments of a window's signal, divided by its sum.
+//!
+//! Coordinates are measured from the window's centre in half pixels, 2x - (W - 1) and
+//! 2y - (W - 1), integers for odd and even windows alike:
+//!
+//! ```text
+//! I  = sum s                u32, < 2^26         (1024 pixels of 16 bits)
+//! Mx = sum s (2x - (W-1))   i32, < 2^30         (65535 x 32 x 512)
+//! cx = Mx 2^15 / I          i32, Q16 pixels, within 1 ulp of the exact quotient
+//! ```
+//!
+//! The sums stream: a window's row is added as it arrives and nothing is kept of it, except for
+//! brightest-n, which buffers its window. The reciprocal of I is one fixed sequence of divisions
+//! ([`fixed::reciprocal`]); a window without signal divides by one and yields zero, and its flux
+//! marks it as invalid.
+//!
+//! | estimator | threshold | passes |
+//! |---|---|---|
+//! | thresholded centre of gravity (CoG) | max(k sigma, fraction of the last peak) | 1 |
+//! | plain CoG | the pixels' own (k sigma, or none) | 1 |
+//! | weighted CoG | as above, times a Gaussian centred on the last centroid | 1 |
+//! | brightest-n | the (n+1)-th brightest pixel of the window | one a signal bit |
+
+use crate::fixed::{self, CENTROID_BITS};
+
+/// Largest window, pixels on a side.
+pub const MAX_WINDOW: usize = 32;
+/// Smallest window, pixels on a side.
+pub const MIN_WINDOW: usize = 4;
+
+/// How a window becomes a centroid, in fixed point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum EstimatorConfig {
+    /// Centre of gravity above the larger of the pixels' threshold and `peak_fraction` (Q16) of
+    /// the subaperture's previous peak; plain CoG has fraction 0.
+    CentreOfGravity { peak_fraction: u16 },
+    /// Centre of gravity weighted with the template; `gain` is Q12.
+    Weighted { peak_fraction: u16, gain: i32 },
+    /// Centre of gravity above the (n+1)-th brightest pixel; `bits` bounds the signal.
+    Brightest { n: u32, bits: u32 },
+}
+
+/// One subaperture's measurement in one frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Measurement {
+    /// Centroid x, y from the window's centre, pixels in Q16.
+    pub centroid_q16: [i32; 2],
+    /// Sum of the thresholded signal, calibrated units.
+    pub flux: u32,
+    /// Brightest calibrated pixel, before the moving threshold.
+    pub peak: u16,
+    /// Pixels at or above the saturation level.
+    pub saturated: u16,
+}
+
+/// Running sums of one window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Moments {
+    /// I.
+    pub(crate) sum: u32,
+    /// Mx, half pixels.
+    pub(crate) x: i32,
+    /// My, half pixels.
+    pub(crate) y: i32,
+    /// Largest calibrated pixel so far.
+    pub(crate) peak: u16,
+    /// Saturated pixels so far.
+    pub(crate) saturated: u16,
+}
+
+impl Moments {
+    /// No signal yet.
+    pub(crate) const ZERO: Self = Self { sum: 0, x: 0, y: 0, peak: 0, saturated: 0 };
+
+    /// Adds window row `y` with sum `sum` and x moment `x`.
+    ///
+    /// `|my|` stays below 65535 W sum|2y - (W-1)| <= 2^16 32 512 = 2^30.
+    #[inline(always)]
+    pub(crate) fn add_row(&mut self, window: usize, y: usize, sum: u32, x: i32) {
+        self.sum = self.sum.wrapping_add(sum);
+        self.x = self.x.wrapping_add(x);
+        self.y = self.y.wrapping_add((sum as i32).wrapping_mul(half_pixels(window, y)));
+    }
+
+    /// The centroid of what has been added, Q16 pixels from the window's centre.
+    #[inline]
+    pub(crate) fn centroid_q16(&self) -> [i32; 2] {
+        let reciprocal = fixed::reciprocal(self.sum) as i64;
+        // |M| <= 31 I, so the product stays below 31 2^48; 2^48 / 2^33 = 2^15 = 2^16 per half.
+        const SHIFT: u32 = 48 - (CENTROID_BITS - 1);
+        [self.x, self.y]
+            .map(|m| fixed::round_shift(i64::from(m).wrapping_mul(reciprocal), SHIFT) as i32)
+    }
+
+    #[inline]
+    pub(crate) fn measurement(&self) -> Measurement {
+        Measurement {
+            centroid_q16: self.centroid_q16(),
+            flux: self.sum,
+            peak: self.peak,
+            saturated: self.saturated,
+        }
+    }
+}
+
+/// Position of pixel `i` from the centre of a window, half pixels.
+#[inline(always)]
+fn half_pixels(window: usize, i: usize) -> i32 {
+    2 * i as i32 - (window as i32 - 1)
+}
+
+/// Sum and x moment of one window row of signal.
+#[inline(always)]
+pub(crate) fn row_moments(signal: &[u16]) -> (u32, i32) {
+    let window = signal.len();
+    signal.iter().enumerate().fold((0u32, 0i32), |(sum, x), (i, &s)| {
+        let weighted = i32::from(s).wrapping_mul(half_pixels(window, i));
+        (sum.wrapping_add(u32::from(s)), x.wrapping_add(weighted))
+    })
+}
+
+/// Multiplies a row of signal by a row of the template (Q8), rounded; stays u16.
+#[inline(always)]
+pub(crate) fn weigh(signal: &mut [u16], weights: &[u8]) {
+    for (s, &w) in signal.iter_mut().zip(weights) {
+        *s = ((u32::from(*s) * u32::from(w) + 128) >> 8) as u16;
+    }
+}
+
+/// Multiplies a row's sums by the template's weight for that row (Q8), rounded.
+///
+/// Sums of a row stay below 2^21 and moments below 2^26: times 2^8 they fit 64 bits with room.
+#[inline(always)]
+pub(crate) fn weigh_row(sum: u32, x: i32, weight: u8) -> (u32, i32) {
+    let w = i64::from(weight);
+    (
+        fixed::round_shift(i64::from(sum) * w, 8) as u32,
+        fixed::round_shift(i64::from(x) * w, 8) as i32,
+    )
+}
+
+/// Steps of a pixel by which the template can be placed.
+const PHASES: usize = 8;
+/// Template samples per phase: the window, half a window of motion either way, and its ends.
+const TEMPLATE: usize = 2 * MAX_WINDOW + 2;
+
+/// A Gaussian weight sampled at eight positions a pixel, Q8 (255 at its centre), so that a row of
+/// weights for any centre is one slice.
+#[derive(Debug)]
+pub(crate) struct Template {
+    samples: [[u8; TEMPLATE]; PHASES],
+}
+
+impl Template {
+    /// No weight anywhere.
+    pub(crate) const EMPTY: Self = Self { samples: [[0; TEMPLATE]; PHASES] };
+
+    /// A Gaussian of `fwhm_px` pixels' full width at half maximum.
+    pub(crate) fn fill(&mut self, fwhm_px: f64) {
+        // exp(-4 ln 2 (r / fwhm)^2): one half at r = fwhm / 2.
+        let scale = -4.0 * core::f64::consts::LN_2 / (fwhm_px * fwhm_px);
+        for (phase, samples) in self.samples.iter_mut().enumerate() {
+            for (j, sample) in samples.iter_mut().enumerate() {
+                let r = j as f64 - MAX_WINDOW as f64 - phase as f64 / PHASES as f64;
+                *sample = libm::round(255.0 * libm::exp(scale * r * r)) as u8;
+            }
+        }
+    }
+
+    /// The centre the template takes for a centroid: rounded to an eighth of a pixel and kept
+    /// within half a window. Eighths of a pixel from the window's centre.
+    #[inline(always)]
+    pub(crate) fn centre(window: usize, centroid_q16: i32) -> i32 {
+        let eighths = fixed::round_shift(i64::from(centroid_q16), CENTROID_BITS - 3);
+        fixed::saturate(eighths, 4 * window as i32)
+    }
+
+    /// The weights of pixels `0 .. window` for a template centred on `centre` eighths.
+    #[inline(always)]
+    pub(crate) fn row(&self, window: usize, centre: i32) -> &[u8] {
+        // Pixel x lies 8x - 4(W-1) - centre eighths from the template's centre: sample
+        // x + MAX_WINDOW - (whole pixels of what is subtracted). One pixel more on both sides
+        // keeps that difference positive for a centre of -4 W.
+        let offset = (4 * (window as i32 - 1) + centre + PHASES as i32).max(0) as usize;
+        let (whole, phase) = (offset / PHASES, offset % PHASES);
+        let start = (MAX_WINDOW + 1).saturating_sub(whole);
+        self.samples
+            .get(phase)
+            .and_then(|samples| samples.get(start..start + window))
+            .unwrap_or_default()
+    }
+
+    /// The weight of window row `y`.
+    #[inline(always)]
+    pub(crate) fn weight(&self, window: usize, centre: i32, y: usize) -> u8 {
+        self.row(window, centre).get(y).copied().unwrap_or(0)
+    }
+}
+
+/// The centroid that a weighted measurement stands for: c + gain (m - c), where `c` is the
+/// template's centre (eighths) and `m` the weighted centroid; gain in Q12.
+///
+/// A Gaussian template of variance v on a spot of variance u shows v / (u + v) of a displacement;
+/// `gain` is the inverse of that.
+#[inline]
+pub(crate) fn unweighted(centre: i32, measured_q16: i32, gain_q12: i32) -> i32 {
+    let c = centre.wrapping_shl(CENTROID_BITS - 3);
+    let step = i64::from(measured_q16.wrapping_sub(c)) * i64::from(gain_q12);
+    // Twice the largest window bounds any centroid that means something.
+    let limit = (2 * MAX_WINDOW as i32) << CENTROID_BITS;
+    fixed::saturate(i64::from(c) + fixed::round_shift(step, 12), limit)
+}
+
+/// The (n+1)-th largest of `signal`, each below 2^bits: the largest t that at least n + 1 pixels
+/// reach. One counting pass a bit: linear in the pixels, and its time does not depend on them.
+#[inline]
+pub(crate) fn nth_brightest(signal: &[u16], n: u32, bits: u32) -> u16 {
+    let mut threshold = 0u16;
+    for bit in (0..bits.min(16)).rev() {
+        let trial = threshold | (1 << bit);
+        // At most 1024 pixels: a u16 counts them.
+        let count: u16 = signal.iter().fold(0, |c, &s| c.wrapping_add(u16::from(s >= trial)));
+        threshold = if u32::from(count) > n { trial } else { threshold };
+    }
+    threshold
+}
+
+/// Moments of a buffered window above the (n+1)-th brightest pixel. Pixels equal to that one
+/// contribute nothing, so ties need no order and at most n pixels count.
+#[inline]
+pub(crate) fn brightest_moments(signal: &[u16], window: usize, n: u32, bits: u32) -> Moments {
+    let threshold = nth_brightest(signal, n, bits);
+    let mut moments = Moments::ZERO;
+    let mut row = [0u16; MAX_WINDOW];
+    for (y, pixels) in signal.chunks_exact(window.max(1)).enumerate() {
+        for (above, &s) in row.iter_mut().zip(pixels) {
+            *above = s.saturating_sub(threshold);
+        }
+        let (sum, x) = row_moments(row.get(..window).unwrap_or_default());
+        moments.add_row(window, y, sum, x);
+    }
+    moments
+}
+
+/// The part of a moving threshold that a pixel's own threshold does not already cover:
+/// max(fraction x peak above dark - base, 0).
+///
+/// `base` is the subaperture's mean fixed threshold; `covered` is what of it the peak had lost
+/// when it was measured (all of it with the subtracting convention, nothing otherwise).
+#[inline]
+pub(crate) fn excess(peak: u16, fraction_q16: u16, base: u16, covered: u16) -> u16 {
+    let above_dark = u32::from(peak.saturating_add(covered));
+    let moving = ((above_dark * u32::from(fraction_q16) + (1 << 15)) >> 16) as u16;
+    moving.saturating_sub(base)
+}

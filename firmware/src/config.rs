@@ -1,0 +1,415 @@
+//! The configuration: a specification that was checked once and can no longer be wrong.
+//!
+//! One [`Config`] is one calibration bank. It is built in place, because it is larger than a
+//! board's stack, and everything is checked before anything is written: a refused specification
+//! leaves the bank as it was. The frame path borrows the bank, so that two of them can be swapped
+//! between frames.
+
+use crate::actuators::{Law, Response};
+use crate::centroid::{EstimatorConfig, MAX_WINDOW, MIN_WINDOW, Template};
+use crate::control::{ControlConfig, Gains, MAX_DELAY};
+use crate::error::{ConfigError, Field, Limit};
+use crate::fixed::LENGTH_BITS;
+use crate::gate::GateTiming;
+use crate::geometry::{Grid, Mask};
+use crate::omega;
+use crate::pixels::Bank;
+use crate::quantise::Quantiser;
+use crate::segments::{ACTUATORS, Segment};
+use crate::slopes::SlopeCalibration;
+use crate::sor::{Links, Node, SorConfig};
+use crate::spec::Spec;
+
+/// Where a window is and whose it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Slot {
+    /// Column of its first pixel.
+    pub(crate) x0: u16,
+    /// Row of its first pixel.
+    pub(crate) y0: u16,
+    /// Its subaperture.
+    pub(crate) subaperture: u16,
+}
+
+/// A validated configuration.
+///
+/// Capacities: `M` cells of the subaperture grid (N x N), `P` window pixels (subapertures x W x
+/// W), `B` pixels that brightest-n can buffer (windows that share a row, x W x W; 0 without that
+/// estimator). Results depend on the specification only, never on the capacities.
+#[derive(Debug)]
+pub struct Config<const M: usize, const P: usize, const B: usize> {
+    pub(crate) mask: Option<Mask>,
+    pub(crate) width: u16,
+    pub(crate) height: u16,
+    pub(crate) window: usize,
+    /// Windows in readout order: by first row, then first column.
+    pub(crate) slots: heapless::Vec<Slot, M>,
+    pub(crate) bank: Bank<P>,
+    pub(crate) estimator: EstimatorConfig,
+    pub(crate) template: Template,
+    /// Windows that a row can meet at once.
+    pub(crate) concurrent: usize,
+    /// Mean fixed threshold of each subaperture, signal units.
+    pub(crate) base_thresholds: heapless::Vec<u16, M>,
+    pub(crate) slopes: heapless::Vec<SlopeCalibration, M>,
+    pub(crate) gain_exponent: u32,
+    pub(crate) control: ControlConfig,
+    pub(crate) gains: heapless::Vec<Gains, M>,
+    pub(crate) tilt_max_age: u32,
+    pub(crate) nodes: heapless::Vec<Node, M>,
+    pub(crate) sor: SorConfig<M>,
+    pub(crate) segments: heapless::Vec<Segment, M>,
+    pub(crate) slew_ulp: i32,
+    pub(crate) law: Law,
+    pub(crate) responses: heapless::Vec<[Response; ACTUATORS], M>,
+    timing: GateTiming,
+    lsb_m: f64,
+    adu_per_unit: f64,
+    omega: f64,
+}
+
+impl<const M: usize, const P: usize, const B: usize> Default for Config<M, P, B> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
+    /// A configuration without subapertures: every frame is held.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            mask: None,
+            width: 0,
+            height: 0,
+            window: 0,
+            slots: heapless::Vec::new(),
+            bank: Bank::new(),
+            estimator: EstimatorConfig::CentreOfGravity { peak_fraction: 0 },
+            template: Template::EMPTY,
+            concurrent: 0,
+            base_thresholds: heapless::Vec::new(),
+            slopes: heapless::Vec::new(),
+            gain_exponent: 0,
+            control: ControlConfig { mean: crate::slopes::MeanSlope::Remove, delay: 0 },
+            gains: heapless::Vec::new(),
+            tilt_max_age: 0,
+            nodes: heapless::Vec::new(),
+            sor: SorConfig::EMPTY,
+            segments: heapless::Vec::new(),
+            slew_ulp: 0,
+            law: Law::Linear,
+            responses: heapless::Vec::new(),
+            timing: GateTiming { delay_ns: 0, width_ns: 0, period_ns: 0, pulses_per_frame: 0 },
+            lsb_m: 0.0,
+            adu_per_unit: 1.0,
+            omega: 1.0,
+        }
+    }
+
+    /// Builds the configuration of `spec` in place.
+    ///
+    /// # Errors
+    /// A [`ConfigError`] with field, value and limit of the first value refused; `self` is then
+    /// as it was.
+    pub fn build(&mut self, spec: &Spec<'_>) -> Result<(), ConfigError> {
+        check_geometry::<M, P>(spec)?;
+        check_windows(spec)?;
+        let control = check_control(spec)?;
+        let timing = spec.gate.timing()?;
+        let quantiser = Quantiser::new(spec)?;
+        let (estimator, weight_fwhm_px) = quantiser.estimator()?;
+        let concurrent = check_buffer::<B>(spec, &estimator)?;
+        let slew_ulp = quantiser.slew_ulp()?;
+        let count = spec.mask.count();
+        for i in 0..count {
+            quantiser.slope(i)?;
+            quantiser.gains(i)?;
+            quantiser.responses(i, &quantiser.segment(i)?)?;
+        }
+        let (warm_sweeps, cold_sweeps, omega) = check_sor(spec)?;
+
+        self.mask = Some(spec.mask);
+        self.width = spec.detector.width;
+        self.height = spec.detector.height;
+        self.window = usize::from(spec.windows.size);
+        self.estimator = estimator;
+        if let Some(fwhm_px) = weight_fwhm_px {
+            self.template.fill(fwhm_px);
+        }
+        self.concurrent = concurrent;
+        self.gain_exponent = quantiser.gain_exponent;
+        self.control = control;
+        self.tilt_max_age = spec.control.global_tilt_max_age;
+        self.slew_ulp = slew_ulp;
+        self.law = spec.actuators.law;
+        self.timing = timing;
+        self.lsb_m = quantiser.lsb_m;
+        self.adu_per_unit = quantiser.adu_per_unit;
+        self.fill_subapertures(&quantiser, spec)?;
+        self.fill_bank(&quantiser, spec);
+        self.fill_sor(&spec.mask, warm_sweeps, cold_sweeps, omega);
+        Ok(())
+    }
+
+    /// Everything that is one entry a subaperture. All of it was checked; no push can fail.
+    fn fill_subapertures(&mut self, q: &Quantiser<'_>, spec: &Spec<'_>) -> Result<(), ConfigError> {
+        self.slots.clear();
+        self.base_thresholds.clear();
+        self.slopes.clear();
+        self.gains.clear();
+        self.segments.clear();
+        self.responses.clear();
+        for (i, &[x0, y0]) in spec.windows.origins.iter().enumerate() {
+            let segment = q.segment(i)?;
+            let responses = q.responses(i, &segment)?;
+            let _ = self.slots.push(Slot { x0, y0, subaperture: i as u16 });
+            let _ = self.base_thresholds.push(q.base_threshold([x0, y0]));
+            let _ = self.slopes.push(q.slope(i)?);
+            let _ = self.gains.push(q.gains(i)?);
+            let _ = self.segments.push(segment);
+            let _ = self.responses.push(responses);
+        }
+        self.slots.sort_unstable_by_key(|slot| (slot.y0, slot.x0));
+        Ok(())
+    }
+
+    fn fill_bank(&mut self, quantiser: &Quantiser<'_>, spec: &Spec<'_>) {
+        let size = u16::from(spec.windows.size);
+        self.bank.clear();
+        self.bank.threshold_shift = quantiser.threshold_shift;
+        self.bank.convention = spec.pixels.convention;
+        let top = ((1u32 << spec.detector.bits) - 1) as u16;
+        self.bank.saturation = spec.pixels.saturation_adu.unwrap_or(top);
+        for slot in &self.slots {
+            for y in slot.y0..slot.y0 + size {
+                for x in slot.x0..slot.x0 + size {
+                    self.bank.push(quantiser.pixel(x, y));
+                }
+            }
+        }
+    }
+
+    fn fill_sor(&mut self, mask: &Mask, warm: u16, cold: u16, omega: Option<f64>) {
+        let grid = Grid::new(mask.across());
+        let sor = &mut self.sor;
+        sor.grid = grid;
+        sor.warm_sweeps = warm;
+        sor.cold_sweeps = cold;
+        sor.step.fill(0);
+        sor.links.fill(Links::NONE);
+        self.nodes.clear();
+        for (x, y) in mask.cells() {
+            let padded = grid.node(x, y) as u16;
+            let centre = [x, y].map(|i| (2 * i as i32 - (mask.across() as i32 - 1)) as i8);
+            let _ = self.nodes.push(Node { padded, component: u16::MAX, centre });
+            let west = x > 0 && mask.contains(x - 1, y);
+            let north = y > 0 && mask.contains(x, y - 1);
+            let links = [west, mask.contains(x + 1, y), north, mask.contains(x, y + 1)];
+            if let Some(place) = sor.links.get_mut(padded) {
+                *place = Links::new(links);
+            }
+        }
+        label_components(&mut self.nodes, &grid);
+        sor.inverse_sizes.clear();
+        for component in 0..u16::MAX {
+            let size = self.nodes.iter().filter(|node| node.component == component).count();
+            if size == 0 {
+                break;
+            }
+            let _ = sor.inverse_sizes.push((1 << 24) / size as u32);
+        }
+        self.omega = omega.unwrap_or_else(|| omega::optimal(sor, &self.nodes));
+        for node in &self.nodes {
+            let degree = sor.links.get(node.padded).map_or(0, |links| links.degree());
+            let step = if degree == 0 { 0.0 } else { self.omega / f64::from(degree) };
+            if let Some(place) = sor.step.get_mut(node.padded) {
+                // omega < 2 keeps Q30 inside i32; the cast saturates.
+                *place = libm::round(step * f64::from(1 << 30)) as i32;
+            }
+        }
+    }
+
+    /// Subapertures in use, in mask order.
+    #[must_use]
+    pub fn subapertures(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// The mask; `None` before the first build.
+    #[must_use]
+    pub const fn mask(&self) -> Option<&Mask> {
+        self.mask.as_ref()
+    }
+
+    /// Pixels in a detector row.
+    #[must_use]
+    pub const fn width(&self) -> u16 {
+        self.width
+    }
+
+    /// Rows in a frame.
+    #[must_use]
+    pub const fn height(&self) -> u16 {
+        self.height
+    }
+
+    /// The gate's and the frame's timing.
+    #[must_use]
+    pub const fn timing(&self) -> GateTiming {
+        self.timing
+    }
+
+    /// Optical path per length ulp, m: the unit of every tip, tilt, piston and height.
+    #[must_use]
+    pub fn ulp_m(&self) -> f64 {
+        self.lsb_m / f64::from(1 << LENGTH_BITS)
+    }
+
+    /// Calibrated ADU per unit of flux and peak.
+    #[must_use]
+    pub const fn adu_per_unit(&self) -> f64 {
+        self.adu_per_unit
+    }
+
+    /// The relaxation factor.
+    #[must_use]
+    pub const fn omega(&self) -> f64 {
+        self.omega
+    }
+
+    /// What the piston solver needs of the mask.
+    #[must_use]
+    pub const fn solver(&self) -> &SorConfig<M> {
+        &self.sor
+    }
+
+    /// Where each subaperture is in the solver, in mask order.
+    #[must_use]
+    pub fn nodes(&self) -> &[Node] {
+        &self.nodes
+    }
+
+    /// Sweeps of a warm frame.
+    #[must_use]
+    pub const fn sweeps(&self) -> u16 {
+        self.sor.warm_sweeps
+    }
+}
+
+fn check_geometry<const M: usize, const P: usize>(spec: &Spec<'_>) -> Result<(), ConfigError> {
+    let across = spec.mask.across();
+    if across * across > M {
+        let limit = Limit::Within(4.0, libm::floor(libm::sqrt(M as f64)));
+        return Err(ConfigError::new(Field::Across, across as f64, limit));
+    }
+    let count = spec.mask.count();
+    if count == 0 {
+        let rule = Limit::Rule("the mask must have at least one subaperture");
+        return Err(ConfigError::new(Field::Subapertures, 0.0, rule));
+    }
+    let check = |field, value: u16, limit| ConfigError::check(field, None, value.into(), limit);
+    check(Field::DetectorWidth, spec.detector.width, (1.0, 4096.0))?;
+    check(Field::DetectorHeight, spec.detector.height, (1.0, 4096.0))?;
+    check(Field::DetectorBits, spec.detector.bits.into(), (8.0, 16.0))?;
+    let size = usize::from(spec.windows.size);
+    check(Field::WindowSize, size as u16, (MIN_WINDOW as f64, MAX_WINDOW as f64))?;
+    ConfigError::check(Field::WindowPixels, None, (count * size * size) as f64, (1.0, P as f64))?;
+    if let Some(level) = spec.pixels.saturation_adu {
+        let top = f64::from((1u32 << spec.detector.bits) - 1);
+        check(Field::Saturation, level, (1.0, top))?;
+    }
+    Ok(())
+}
+
+fn check_windows(spec: &Spec<'_>) -> Result<(), ConfigError> {
+    let (size, origins) = (u16::from(spec.windows.size), spec.windows.origins);
+    for (i, &[x, y]) in origins.iter().enumerate() {
+        for (value, room) in [(x, spec.detector.width), (y, spec.detector.height)] {
+            let limit = (0.0, f64::from(room) - f64::from(size));
+            ConfigError::check(Field::WindowOrigin, Some(i), f64::from(value), limit)?;
+        }
+        let overlaps = |&[ox, oy]: &[u16; 2]| x.abs_diff(ox) < size && y.abs_diff(oy) < size;
+        if let Some(other) = origins.iter().skip(i + 1).position(overlaps) {
+            let rule = Limit::Rule("is the number of a window that overlaps this one");
+            return Err(ConfigError::at(Field::WindowOrigin, i, (i + 1 + other) as f64, rule));
+        }
+    }
+    let mut last = None;
+    for (i, &[x, y]) in spec.pixels.bad.iter().enumerate() {
+        for (value, room) in [(x, spec.detector.width), (y, spec.detector.height)] {
+            let limit = (0.0, f64::from(room) - 1.0);
+            ConfigError::check(Field::BadPixels, Some(i), f64::from(value), limit)?;
+        }
+        if last.is_some_and(|last| last >= (y, x)) {
+            let rule = Limit::Rule("column: the list must be sorted by row, then column");
+            return Err(ConfigError::at(Field::BadPixels, i, f64::from(x), rule));
+        }
+        last = Some((y, x));
+    }
+    Ok(())
+}
+
+fn check_control(spec: &Spec<'_>) -> Result<ControlConfig, ConfigError> {
+    let delay = spec.control.delay_frames;
+    let limit = (0.0, MAX_DELAY as f64);
+    ConfigError::check(Field::DelayFrames, None, f64::from(delay), limit)?;
+    Ok(ControlConfig { mean: spec.slopes.mean, delay })
+}
+
+/// The number of windows that one row can meet, if their pixels fit the buffer where they need to.
+fn check_buffer<const B: usize>(
+    spec: &Spec<'_>,
+    estimator: &EstimatorConfig,
+) -> Result<usize, ConfigError> {
+    let size = u16::from(spec.windows.size);
+    let origins = spec.windows.origins;
+    let meets = |row: u16| origins.iter().filter(|[_, y]| *y <= row && row - *y < size).count();
+    let concurrent = origins.iter().map(|&[_, y]| meets(y)).max().unwrap_or(0);
+    if let EstimatorConfig::Brightest { .. } = estimator {
+        let pixels = concurrent * usize::from(size) * usize::from(size);
+        ConfigError::check(Field::BrightestBuffer, None, pixels as f64, (0.0, B as f64))?;
+    }
+    Ok(concurrent)
+}
+
+fn check_sor(spec: &Spec<'_>) -> Result<(u16, u16, Option<f64>), ConfigError> {
+    if let Some(omega) = spec.sor.omega {
+        ConfigError::check(Field::Omega, None, omega, (1.0, 1.99))?;
+    }
+    let warm = spec.sor.sweeps.unwrap_or(spec.mask.across().div_ceil(2) as u16);
+    ConfigError::check(Field::Sweeps, None, f64::from(warm), (1.0, 1000.0))?;
+    let cold = spec.sor.cold_sweeps.unwrap_or(4 * warm);
+    ConfigError::check(Field::ColdSweeps, None, f64::from(cold), (1.0, 10_000.0))?;
+    Ok((warm, cold, spec.sor.omega))
+}
+
+/// Numbers the connected components of the mask by their first subaperture.
+fn label_components<const M: usize>(nodes: &mut heapless::Vec<Node, M>, grid: &Grid) {
+    let mut components = 0;
+    for first in 0..nodes.len() {
+        if nodes.get(first).is_none_or(|node| node.component != u16::MAX) {
+            continue;
+        }
+        // Subapertures found and not yet looked around from: each enters once.
+        let mut found = heapless::Vec::<u16, M>::new();
+        let visit = |nodes: &mut [Node], found: &mut heapless::Vec<u16, M>, padded: usize| {
+            let place = nodes.binary_search_by_key(&padded, |node| usize::from(node.padded));
+            if let Some(node) = place.ok().and_then(|i| nodes.get_mut(i))
+                && node.component == u16::MAX
+            {
+                node.component = components;
+                let _ = found.push(node.padded);
+            }
+        };
+        let start = nodes.get(first).map_or(0, |node| usize::from(node.padded));
+        visit(nodes, &mut found, start);
+        while let Some(padded) = found.pop() {
+            let f = usize::from(padded);
+            for next in [f - 1, f + 1, f - grid.stride, f + grid.stride] {
+                visit(nodes, &mut found, next);
+            }
+        }
+        components += 1;
+    }
+}

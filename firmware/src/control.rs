@@ -1,0 +1,241 @@
+//! Control law: slopes to tip/tilt commands by a pseudo-open-loop integrator.
+//!
+//! ```text
+//! x_i  = s_i + c_applied_i          tilt the atmosphere would show with a flat mirror
+//! x_i  = x_i - mean_valid(x)        per axis, where the sensor is blind to it
+//! c_i' = (1 - g_i) c_i + g_i f x_i  0 < g < 2
+//! c'   = c' - mean_valid(c')
+//! ```
+//!
+//! `c_applied` is what the mirror really showed while `s` was exposed, after every limit: a
+//! clipped or slewing segment never winds the state up. `f` makes up for the lever arm of high
+//! layers (f = 1 is the plain integrator); with f > 1 whatever the sensor cannot see would grow
+//! as (1 + g (f - 1))^k, so the mean is removed from slopes *and* state, and an invalid
+//! subaperture takes the mean x of its valid neighbours or, without one, holds: it never
+//! integrates on its own.
+//!
+//! **Scaling and overflow.** Slopes, state and commands are i32 ulp within +-2^23, so |x| <= 2^25
+//! after the mean is off; coefficients are Q13 i16 within +-4; products i64, rounded once,
+//! saturated to +-2^23. The mean is the sum (below 1600 x 2^24 < 2^35) times the floor of 2^24 /
+//! count: low by less than 1e-4 of itself, far below what the next frame removes again.
+
+use crate::fixed::{self, TILT_LIMIT};
+use crate::geometry::Grid;
+use crate::redblack::{COLOURS, RedBlack};
+use crate::slopes::{MeanSlope, Slope};
+use crate::sor::Node;
+
+/// Fraction bits of the control coefficients.
+pub(crate) const GAIN_BITS: u32 = 13;
+/// Most frames between the exposure of a frame and the start of its command's effect, beyond one.
+pub const MAX_DELAY: usize = 3;
+
+/// The coefficients of one subaperture, Q13.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Gains {
+    /// 1 - g.
+    pub(crate) keep: i16,
+    /// g f.
+    pub(crate) take: i16,
+}
+
+/// What the control law needs beside the gains.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ControlConfig {
+    /// What is done with the mean.
+    pub(crate) mean: MeanSlope,
+    /// L: frames between the end of an exposure and the start of the command made from it.
+    pub(crate) delay: u8,
+}
+
+/// The integrator's state and the commands' recent past.
+#[derive(Debug)]
+pub(crate) struct Control<const M: usize> {
+    /// c per subaperture, ulp.
+    command: [[i32; 2]; M],
+    /// What the mirror showed in the last frames, a ring; `newest` is its head.
+    applied: [[[i32; 2]; M]; HISTORY],
+    newest: usize,
+    /// Tip and tilt on the padded grid: x while the gaps are filled, then c.
+    field: [RedBlack<i32, M>; 2],
+    /// [`PRESENT`], [`MEASURED`] and [`FED`], per padded node.
+    status: RedBlack<i32, M>,
+}
+
+/// Length of the ring of applied commands: a power of two, so that its head wraps by a mask.
+const HISTORY: usize = MAX_DELAY + 1;
+
+/// Status bit: the node is a subaperture.
+const PRESENT: i32 = 1;
+/// Status bit: it was measured in this frame.
+const MEASURED: i32 = 2;
+/// Status bit: one of its neighbours was.
+const FED: i32 = 4;
+
+/// Floor of 2^16 / n for the mean over up to four neighbours; 0 for none.
+const INVERSE: [i32; 5] = [0, 65536, 32768, 21845, 16384];
+
+impl<const M: usize> Control<M> {
+    pub(crate) const fn new() -> Self {
+        Self {
+            command: [[0; 2]; M],
+            applied: [[[0; 2]; M]; HISTORY],
+            newest: 0,
+            field: [const { RedBlack::new(0) }; 2],
+            status: RedBlack::new(0),
+        }
+    }
+
+    /// Takes one frame of slopes and leaves the new commands in [`Control::field`].
+    ///
+    /// `slopes`, `gains` and `nodes` are in subaperture order.
+    pub(crate) fn update(
+        &mut self,
+        config: &ControlConfig,
+        grid: &Grid,
+        slopes: &[Slope],
+        gains: &[Gains],
+        nodes: &[Node],
+    ) {
+        let exposed = (self.newest + usize::from(config.delay)) % HISTORY;
+        let exposed = self.applied.get(exposed).map_or(&[][..], |frame| frame);
+        let mut valid_count = 0u32;
+        let mut sums = [0i64; 2];
+        for ((slope, applied), node) in slopes.iter().zip(exposed).zip(nodes) {
+            let valid = i32::from(slope.valid);
+            valid_count += valid as u32;
+            put(&mut self.status, *node, PRESENT | (valid * MEASURED));
+            let terms = slope.tilt_ulp.iter().zip(applied).zip(&mut self.field).zip(&mut sums);
+            for (((&s, &applied), field), sum) in terms {
+                let x = s.wrapping_add(applied).wrapping_mul(valid);
+                put(field, *node, x);
+                *sum = sum.wrapping_add(i64::from(x));
+            }
+        }
+        let inverse = removal(config.mean, valid_count);
+        for (field, sum) in self.field.iter_mut().zip(sums) {
+            let mean = mean(sum, inverse);
+            for node in nodes {
+                let status = self.status.get(node.padded).copied().unwrap_or(0);
+                if let Some(x) = field.get_mut(node.padded) {
+                    *x = x.wrapping_sub(mean).wrapping_mul(measured(status));
+                }
+            }
+        }
+        self.fill_gaps(grid);
+        self.integrate(slopes, gains, nodes, inverse);
+    }
+
+    /// Gives every subaperture that was not measured the mean x of its measured neighbours.
+    ///
+    /// One pass: a filled subaperture feeds none. The field is zero where nothing was measured,
+    /// but a red node filled in this pass must not feed a black one: hence the weights.
+    fn fill_gaps(&mut self, grid: &Grid) {
+        for colour in COLOURS {
+            let (own, sides) = self.status.nodes_and_sides(grid, colour);
+            for (own, [w, e, n, s]) in own.iter_mut().zip(sides.iter()) {
+                *own |= measured(w | e | n | s) * FED;
+            }
+        }
+        for field in &mut self.field {
+            for colour in COLOURS {
+                let status = self.status.nodes(grid, colour).iter();
+                let beside = self.status.sides(grid, colour).iter();
+                let (own, sides) = field.nodes_and_sides(grid, colour);
+                for ((x, &status), (sides, beside)) in
+                    own.iter_mut().zip(status).zip(sides.iter().zip(beside))
+                {
+                    let weights = beside.map(measured);
+                    let near = sides.iter().zip(weights).fold(0i64, |sum, (&x, weight)| {
+                        sum.wrapping_add(i64::from(x.wrapping_mul(weight)))
+                    });
+                    let count: i32 = weights.iter().sum();
+                    let inverse = INVERSE.get(count as usize).copied().unwrap_or(0);
+                    let mean = fixed::round_shift(near.wrapping_mul(inverse.into()), 16) as i32;
+                    let gap = (status & PRESENT) & !measured(status);
+                    *x = x.wrapping_add(mean.wrapping_mul(gap));
+                }
+            }
+        }
+    }
+
+    /// The state's step, its mean's removal, and the state into the field.
+    fn integrate(&mut self, slopes: &[Slope], gains: &[Gains], nodes: &[Node], inverse: i64) {
+        let mut sums = [0i64; 2];
+        for (((slope, gain), node), command) in
+            slopes.iter().zip(gains).zip(nodes).zip(&mut self.command)
+        {
+            let known = self.status.get(node.padded).is_some_and(|&v| v & (MEASURED | FED) != 0);
+            for ((c, field), sum) in command.iter_mut().zip(&self.field).zip(&mut sums) {
+                let x = field.get(node.padded).copied().unwrap_or(0);
+                let next =
+                    i64::from(gain.keep) * i64::from(*c) + i64::from(gain.take) * i64::from(x);
+                let next = fixed::saturate(fixed::round_shift(next, GAIN_BITS), TILT_LIMIT);
+                *c = if known { next } else { *c };
+                *sum = sum.wrapping_add(i64::from(c.wrapping_mul(i32::from(slope.valid))));
+            }
+        }
+        let means = sums.map(|sum| mean(sum, inverse));
+        for (node, command) in nodes.iter().zip(&mut self.command) {
+            for ((c, field), mean) in command.iter_mut().zip(&mut self.field).zip(means) {
+                *c = c.wrapping_sub(mean).clamp(-TILT_LIMIT, TILT_LIMIT);
+                put(field, *node, *c);
+            }
+        }
+    }
+
+    /// Records what the mirror shows from now on, without the global tilt, ulp.
+    pub(crate) fn record(&mut self, applied: impl Iterator<Item = [i32; 2]>) {
+        self.newest = (self.newest + HISTORY - 1) % HISTORY;
+        if let Some(newest) = self.applied.get_mut(self.newest) {
+            newest.iter_mut().zip(applied).for_each(|(place, tilt)| *place = tilt);
+        }
+    }
+
+    /// Records that the mirror keeps what it shows.
+    pub(crate) fn hold(&mut self) {
+        let shown = self.applied.get(self.newest).copied().unwrap_or([[0; 2]; M]);
+        self.record(shown.into_iter());
+    }
+
+    /// Tip and tilt commands on the padded grid, ulp; zero where there is no subaperture.
+    pub(crate) fn field(&self) -> &[RedBlack<i32, M>; 2] {
+        &self.field
+    }
+
+    /// Tip and tilt commands per subaperture without the global tilt, ulp.
+    pub(crate) fn commands(&self) -> &[[i32; 2]] {
+        &self.command
+    }
+
+    /// Forgets state and past: flat commands.
+    pub(crate) fn reset(&mut self) {
+        self.command = [[0; 2]; M];
+        self.applied = [[[0; 2]; M]; HISTORY];
+    }
+}
+
+/// 1 if the status says that the node was measured, else 0.
+#[inline(always)]
+const fn measured(status: i32) -> i32 {
+    (status & MEASURED) / MEASURED
+}
+
+#[inline(always)]
+fn put<const M: usize>(field: &mut RedBlack<i32, M>, node: Node, value: i32) {
+    if let Some(place) = field.get_mut(node.padded) {
+        *place = value;
+    }
+}
+
+/// Floor of 2^24 / count, or zero where the mean stays.
+#[inline]
+fn removal(mean: MeanSlope, count: u32) -> i64 {
+    let inverse = (1u32 << 24) / count.max(1);
+    i64::from(inverse) * i64::from(mean == MeanSlope::Remove)
+}
+
+#[inline]
+fn mean(sum: i64, inverse_q24: i64) -> i32 {
+    fixed::round_shift(sum.wrapping_mul(inverse_q24), 24) as i32
+}

@@ -1,0 +1,491 @@
+//! The frame path from end to end: detector rows in, DAC codes out.
+//!
+//! ```text
+//! begin -> push_row x height -> finish
+//! rows -> calibrated pixels -> moments -> centroids -> slopes -> control law -> SOR pistons
+//!      -> segment piston/tip/tilt -> actuator heights -> DAC codes
+//! ```
+//!
+//! Rows are consumed as they arrive; `finish` does what is left once the last pixel is in. Only
+//! `finish` of a complete frame changes the loop's state. Whatever else happens, state and codes
+//! stay those of the last good frame and the [`Report`] says why:
+//!
+//! | what happens | what it does |
+//! |---|---|
+//! | fewer rows than the detector has | `finish` holds: [`Hold::CutShort`] |
+//! | `begin` before `finish` | the unfinished frame is dropped, [`Report::restarted`] |
+//! | a row of the wrong length | refused; `finish` holds: [`Hold::WrongRow`] |
+//! | more rows than the detector has | refused and counted; the frame counts: [`Report::extra_rows`] |
+//! | no subaperture with valid flux | `finish` holds: [`Hold::NoLight`] |
+//! | no `begin` | rows are refused; `finish` holds: [`Hold::NotBegun`] |
+
+use crate::actuators;
+use crate::centroid::Measurement;
+use crate::config::Config;
+use crate::control::Control;
+use crate::fixed::TILT_LIMIT;
+use crate::readout::Readout;
+use crate::segments::{ACTUATORS, Position};
+use crate::slopes::{self, Slope};
+use crate::sor::{Node, Sor};
+
+/// Largest piston handed to a segment, ulp: beyond any stroke, and inside the segments' bounds.
+const TARGET_LIMIT: i32 = 1 << 26;
+
+/// How far a frame has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Progress {
+    /// More rows are to come.
+    More,
+    /// That was the last row: `finish` is due.
+    Complete,
+}
+
+/// Why a row was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum RowError {
+    /// No frame has begun.
+    NotBegun,
+    /// The row has not the detector's width: pixels it had, pixels it must have.
+    Length {
+        /// Pixels in the row.
+        found: u32,
+        /// Pixels in a row of the detector.
+        expected: u16,
+    },
+    /// The frame already has all its rows.
+    Extra,
+}
+
+impl core::fmt::Display for RowError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::NotBegun => f.write_str("row before the start of a frame"),
+            Self::Length { found, expected } => {
+                write!(f, "row of {found} pixels, the detector has {expected}")
+            }
+            Self::Extra => f.write_str("row after the last of the frame"),
+        }
+    }
+}
+
+impl core::error::Error for RowError {}
+
+/// Why a frame moved nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Hold {
+    /// No frame had begun.
+    NotBegun,
+    /// The frame had only this many rows.
+    CutShort {
+        /// Rows that came.
+        rows: u16,
+    },
+    /// A row had the wrong length.
+    WrongRow,
+    /// No subaperture's flux was within its limits.
+    NoLight,
+    /// The configuration has no subapertures.
+    NotConfigured,
+}
+
+/// What became of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Outcome {
+    /// New codes.
+    Updated,
+    /// The codes of the frame before.
+    Held(Hold),
+}
+
+/// What one frame did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Report {
+    /// The number given to `begin`.
+    pub frame: u32,
+    /// Whether the codes are new.
+    pub outcome: Outcome,
+    /// Subapertures whose flux was within its limits.
+    pub valid: u16,
+    /// Pixels at or above the saturation level.
+    pub saturated_pixels: u32,
+    /// Sum of (r / 8)^2 over the solver's nodes, ulp^2 / 64; r is the Laplacian's residual.
+    pub residual_squared: u64,
+    /// Actuators that the command would have taken beyond their limits.
+    pub saturated_actuators: u16,
+    /// Actuators that the command would have moved faster than the slew limit.
+    pub slewed_actuators: u16,
+    /// Rows refused since `begin` because the frame was full.
+    pub extra_rows: u16,
+    /// Whether `begin` dropped an unfinished frame.
+    pub restarted: bool,
+    /// Age of the global tilt in use, frames; `None` before the first.
+    pub global_tilt_age: Option<u32>,
+    /// Whether that age is beyond the configured limit.
+    pub global_tilt_stale: bool,
+}
+
+/// A global tip and tilt, as a natural guide star gives it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct GlobalTilt {
+    /// Tip and tilt to add to every segment: centre-to-edge path difference over one segment, ulp.
+    /// Saturated to +-2^23.
+    pub tilt_ulp: [i32; 2],
+    /// The frame it belongs to.
+    pub frame: u32,
+}
+
+/// Totals since the pipeline was made or reset; they saturate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Totals {
+    /// Frames that moved the mirror.
+    pub updated: u32,
+    /// Frames held because rows were missing.
+    pub cut_short: u32,
+    /// Frames held because a row had the wrong length.
+    pub wrong_row: u32,
+    /// Frames held because nothing was lit.
+    pub no_light: u32,
+    /// `finish` without a frame, or without a configuration.
+    pub not_ready: u32,
+    /// Frames dropped by the next `begin`.
+    pub restarted: u32,
+    /// Rows refused because their frame was full.
+    pub extra_rows: u32,
+    /// Frames that used a stale global tilt.
+    pub stale_tilt: u32,
+    /// Actuator commands cut by a limit.
+    pub saturated_actuators: u32,
+    /// Actuator commands cut by the slew limit.
+    pub slewed_actuators: u32,
+}
+
+/// Where a frame is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    Idle,
+    Reading,
+    Malformed,
+}
+
+/// The state of the reconstructor. `M` and `B` are the capacities of [`Config`].
+#[derive(Debug)]
+pub struct Pipeline<const M: usize, const B: usize> {
+    phase: Phase,
+    frame: u32,
+    extra_rows: u16,
+    restarted: bool,
+    /// Whether codes and pistons are those of a configuration, and whether of a frame.
+    flat: bool,
+    warm: bool,
+    global_tilt: Option<GlobalTilt>,
+    totals: Totals,
+    readout: Readout<M, B>,
+    slopes: [Slope; M],
+    control: Control<M>,
+    sor: Sor<M>,
+    positions: [Position; M],
+    codes: [[u16; ACTUATORS]; M],
+    subapertures: usize,
+}
+
+impl<const M: usize, const B: usize> Default for Pipeline<M, B> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const M: usize, const B: usize> Pipeline<M, B> {
+    /// A pipeline that has seen nothing. Its codes become those of the flat mirror with the first
+    /// [`Pipeline::reset`] or [`Pipeline::begin`].
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            phase: Phase::Idle,
+            frame: 0,
+            extra_rows: 0,
+            restarted: false,
+            flat: false,
+            warm: false,
+            global_tilt: None,
+            totals: Totals {
+                updated: 0,
+                cut_short: 0,
+                wrong_row: 0,
+                no_light: 0,
+                not_ready: 0,
+                restarted: 0,
+                extra_rows: 0,
+                stale_tilt: 0,
+                saturated_actuators: 0,
+                slewed_actuators: 0,
+            },
+            readout: Readout::new(),
+            slopes: [Slope { tilt_ulp: [0; 2], valid: false }; M],
+            control: Control::new(),
+            sor: Sor::new(),
+            positions: [Position { piston_ulp: 0, tilt_ulp: [0; 2] }; M],
+            codes: [[0; ACTUATORS]; M],
+            subapertures: 0,
+        }
+    }
+
+    /// Opens the loop: forgets every frame, and sets the codes of the flat mirror.
+    pub fn reset<const P: usize>(&mut self, config: &Config<M, P, B>) {
+        self.phase = Phase::Idle;
+        self.warm = false;
+        self.flat = true;
+        self.extra_rows = 0;
+        self.restarted = false;
+        self.global_tilt = None;
+        self.totals = Totals::default();
+        self.readout.reset();
+        self.control.reset();
+        self.sor.reset();
+        self.slopes.fill(Slope::default());
+        self.positions.fill(Position::default());
+        self.subapertures = config.subapertures();
+        let targets = config.segments.iter().zip(&config.responses).zip(&mut self.codes);
+        for ((segment, responses), codes) in targets {
+            let flat = segment.advance(Position::default(), Position::default(), i32::MAX);
+            *codes = dac_codes(config.law, responses, flat.heights_ulp);
+        }
+    }
+
+    /// Starts frame `frame`. An unfinished one is dropped and counted.
+    ///
+    /// The configuration may have been exchanged since the last frame for one with the same mask;
+    /// for another mask, call [`Pipeline::reset`] first.
+    pub fn begin<const P: usize>(&mut self, config: &Config<M, P, B>, frame: u32) {
+        if !self.flat {
+            self.reset(config);
+        }
+        self.restarted = self.phase != Phase::Idle;
+        self.totals.restarted = self.totals.restarted.saturating_add(u32::from(self.restarted));
+        self.frame = frame;
+        self.extra_rows = 0;
+        self.phase = Phase::Reading;
+        self.readout.begin();
+    }
+
+    /// Takes the next detector row, raw ADU.
+    ///
+    /// # Errors
+    /// A [`RowError`]; the row is then not used. A row of the wrong length makes the whole frame
+    /// one to be held, since what follows can no longer be trusted to be in its place.
+    #[inline]
+    pub fn push_row<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        pixels: &[u16],
+    ) -> Result<Progress, RowError> {
+        if self.phase == Phase::Idle {
+            return Err(RowError::NotBegun);
+        }
+        if self.readout.rows() >= config.height {
+            self.extra_rows = self.extra_rows.saturating_add(1);
+            self.totals.extra_rows = self.totals.extra_rows.saturating_add(1);
+            return Err(RowError::Extra);
+        }
+        if pixels.len() != usize::from(config.width) {
+            self.phase = Phase::Malformed;
+            return Err(RowError::Length { found: pixels.len() as u32, expected: config.width });
+        }
+        self.readout.push(config, pixels);
+        let complete = self.readout.rows() == config.height;
+        Ok(if complete { Progress::Complete } else { Progress::More })
+    }
+
+    /// Ends the frame: new codes if it was complete, the old ones if not.
+    pub fn finish<const P: usize>(&mut self, config: &Config<M, P, B>) -> Report {
+        let hold = self.reason_to_hold(config);
+        self.phase = Phase::Idle;
+        let mut report = Report {
+            frame: self.frame,
+            outcome: Outcome::Updated,
+            valid: 0,
+            saturated_pixels: 0,
+            residual_squared: 0,
+            saturated_actuators: 0,
+            slewed_actuators: 0,
+            extra_rows: self.extra_rows,
+            restarted: self.restarted,
+            global_tilt_age: None,
+            global_tilt_stale: false,
+        };
+        self.restarted = false;
+        let hold = hold.or_else(|| self.measure(config, &mut report));
+        match hold {
+            Some(hold) => {
+                report.outcome = Outcome::Held(hold);
+                self.hold(hold);
+            }
+            None => self.reconstruct(config, &mut report),
+        }
+        report
+    }
+
+    fn reason_to_hold<const P: usize>(&self, config: &Config<M, P, B>) -> Option<Hold> {
+        let rows = self.readout.rows();
+        match self.phase {
+            _ if config.subapertures() == 0 => Some(Hold::NotConfigured),
+            Phase::Idle => Some(Hold::NotBegun),
+            Phase::Malformed => Some(Hold::WrongRow),
+            Phase::Reading if rows < config.height => Some(Hold::CutShort { rows }),
+            Phase::Reading => None,
+        }
+    }
+
+    fn hold(&mut self, hold: Hold) {
+        self.control.hold();
+        let total = match hold {
+            Hold::NotBegun | Hold::NotConfigured => &mut self.totals.not_ready,
+            Hold::CutShort { .. } => &mut self.totals.cut_short,
+            Hold::WrongRow => &mut self.totals.wrong_row,
+            Hold::NoLight => &mut self.totals.no_light,
+        };
+        *total = total.saturating_add(1);
+    }
+
+    /// Measurements and slopes of the complete frame.
+    fn measure<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        report: &mut Report,
+    ) -> Option<Hold> {
+        self.readout.commit(config);
+        let measured = self.readout.measurements().iter().zip(&config.slopes);
+        for (slope, (measurement, calibration)) in self.slopes.iter_mut().zip(measured) {
+            *slope = slopes::slope(calibration, config.gain_exponent, measurement);
+            report.valid += u16::from(slope.valid);
+            report.saturated_pixels += u32::from(measurement.saturated);
+        }
+        (report.valid == 0).then_some(Hold::NoLight)
+    }
+
+    /// Control law, pistons, segments and codes.
+    fn reconstruct<const P: usize>(&mut self, config: &Config<M, P, B>, report: &mut Report) {
+        let global_tilt = self.current_tilt(config.tilt_max_age, report);
+        let (grid, nodes) = (&config.sor.grid, &config.nodes);
+        self.control.update(&config.control, grid, &self.slopes, &config.gains, nodes);
+
+        let [tip, tilt] = self.control.field();
+        self.sor.load(&config.sor, tip, tilt);
+        let sweeps = if self.warm { config.sor.warm_sweeps } else { config.sor.cold_sweeps };
+        self.sor.relax(&config.sor, sweeps);
+        self.warm = true;
+        report.residual_squared = self.sor.residual_squared(&config.sor);
+        self.sor.remove_means(&config.sor, nodes);
+
+        let commands = self.control.commands().iter().zip(nodes);
+        let mirror = config.segments.iter().zip(&config.responses);
+        let state = self.positions.iter_mut().zip(&mut self.codes);
+        for (((command, node), (segment, responses)), (position, codes)) in
+            commands.zip(mirror).zip(state)
+        {
+            let target = target(*command, self.sor.piston(*node), *node, global_tilt);
+            let step = segment.advance(*position, target, config.slew_ulp);
+            *position = step.position;
+            *codes = dac_codes(config.law, responses, step.heights_ulp);
+            report.saturated_actuators += step.limited.saturated as u16;
+            report.slewed_actuators += step.limited.slewed as u16;
+        }
+        let [global_tip, global_tilt] = global_tilt;
+        let applied = self.positions.iter().take(self.subapertures).map(|position| {
+            let [tip, tilt] = position.tilt_ulp;
+            [tip.wrapping_sub(global_tip), tilt.wrapping_sub(global_tilt)]
+        });
+        self.control.record(applied);
+        self.count(report);
+    }
+
+    /// The global tilt in use: the last one given, however old.
+    fn current_tilt(&mut self, max_age: u32, report: &mut Report) -> [i32; 2] {
+        let Some(tilt) = self.global_tilt else { return [0; 2] };
+        let age = self.frame.wrapping_sub(tilt.frame);
+        report.global_tilt_age = Some(age);
+        report.global_tilt_stale = age > max_age;
+        tilt.tilt_ulp
+    }
+
+    fn count(&mut self, report: &Report) {
+        let add = |total: &mut u32, n: u32| *total = total.saturating_add(n);
+        add(&mut self.totals.updated, 1);
+        add(&mut self.totals.stale_tilt, u32::from(report.global_tilt_stale));
+        add(&mut self.totals.saturated_actuators, u32::from(report.saturated_actuators));
+        add(&mut self.totals.slewed_actuators, u32::from(report.slewed_actuators));
+    }
+
+    /// Gives a global tilt; it is used from the next `finish` on, until the next one is given.
+    pub fn set_global_tilt(&mut self, tilt: GlobalTilt) {
+        let tilt_ulp = tilt.tilt_ulp.map(|t| t.clamp(-TILT_LIMIT, TILT_LIMIT));
+        self.global_tilt = Some(GlobalTilt { tilt_ulp, ..tilt });
+    }
+
+    /// The DAC codes of every segment's actuators, in subaperture order: valid at any time.
+    #[must_use]
+    pub fn codes(&self) -> &[[u16; ACTUATORS]] {
+        self.codes.get(..self.subapertures).unwrap_or_default()
+    }
+
+    /// Centroids, fluxes and peaks of the last complete frame, in subaperture order.
+    #[must_use]
+    pub fn measurements(&self) -> &[Measurement] {
+        self.readout.measurements().get(..self.subapertures).unwrap_or_default()
+    }
+
+    /// The slopes of the last complete frame, in subaperture order.
+    #[must_use]
+    pub fn slopes(&self) -> &[Slope] {
+        self.slopes.get(..self.subapertures).unwrap_or_default()
+    }
+
+    /// The tip/tilt commands, without the global tilt, ulp, in subaperture order.
+    #[must_use]
+    pub fn commands(&self) -> &[[i32; 2]] {
+        self.control.commands().get(..self.subapertures).unwrap_or_default()
+    }
+
+    /// Piston, tip and tilt of every segment after all limits, in subaperture order.
+    #[must_use]
+    pub fn positions(&self) -> &[Position] {
+        self.positions.get(..self.subapertures).unwrap_or_default()
+    }
+
+    /// Totals since the last reset.
+    #[must_use]
+    pub const fn totals(&self) -> Totals {
+        self.totals
+    }
+}
+
+/// The position asked of a segment: its command and piston, and those of the global tilt.
+///
+/// A global tilt T (centre to edge over half a pitch) is the plane T (2x - (N - 1)) of pistons:
+/// known exactly, so it is added and not solved for.
+#[inline(always)]
+fn target(command: [i32; 2], piston: i32, node: Node, global: [i32; 2]) -> Position {
+    let ([tip, tilt], [global_tip, global_tilt], [x, y]) = (command, global, node.centre);
+    let plane = i64::from(global_tip) * i64::from(x) + i64::from(global_tilt) * i64::from(y);
+    let add = |a: i32, b: i32| a.wrapping_add(b).clamp(-TILT_LIMIT, TILT_LIMIT);
+    Position {
+        piston_ulp: crate::fixed::saturate(plane + i64::from(piston), TARGET_LIMIT),
+        tilt_ulp: [add(tip, global_tip), add(tilt, global_tilt)],
+    }
+}
+
+#[inline(always)]
+fn dac_codes(
+    law: actuators::Law,
+    [r0, r1, r2]: &[actuators::Response; ACTUATORS],
+    [h0, h1, h2]: [u32; ACTUATORS],
+) -> [u16; ACTUATORS] {
+    [(r0, h0), (r1, h1), (r2, h2)].map(|(r, h)| actuators::code(*r, law, h))
+}

@@ -1,0 +1,386 @@
+//! Physical values to the integers of the frame path, each checked on the way.
+//!
+//! Floats end here. Every conversion uses only +, -, x, /, rounding and `libm`, in one order, so
+//! that a board that builds its own configuration gets the integers that a PC gets.
+
+use crate::actuators::{Law, Response};
+use crate::centroid::EstimatorConfig;
+use crate::control::{GAIN_BITS, Gains};
+use crate::error::{ConfigError, Field, Limit};
+use crate::fixed::{CENTROID_BITS, LENGTH_BITS};
+use crate::pixels::{BAD, Convention, PixelCalibration};
+use crate::segments::{ACTUATORS, MATRIX_BITS, Segment};
+use crate::slopes::SlopeCalibration;
+use crate::spec::{Estimator, Map, Spec};
+
+/// Heights of the scale that a stroke spans, LSB.
+const STROKE_LSB: f64 = 65536.0;
+
+/// A specification with the scales that all its conversions share.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Quantiser<'a> {
+    spec: &'a Spec<'a>,
+    /// Optical path per height LSB, m.
+    pub(crate) lsb_m: f64,
+    /// Largest pixel gain: calibrated ADU per unit of signal.
+    pub(crate) adu_per_unit: f64,
+    /// Exponent of the stored thresholds.
+    pub(crate) threshold_shift: u32,
+    /// Exponent of the slope gain's mantissas.
+    pub(crate) gain_exponent: u32,
+}
+
+/// `2^bits`.
+fn power(bits: u32) -> f64 {
+    (1u64 << bits) as f64
+}
+
+fn round(x: f64) -> f64 {
+    libm::floor(x + 0.5)
+}
+
+impl<'a> Quantiser<'a> {
+    /// The shared scales. The geometry of `spec` has been checked; its maps' lengths have not.
+    pub(crate) fn new(spec: &'a Spec<'a>) -> Result<Self, ConfigError> {
+        Self::check_lengths(spec)?;
+        let stroke_m =
+            ConfigError::check(Field::Stroke, None, spec.segments.stroke_m, (1e-9, 1.0))?;
+        let mut quantiser = Self {
+            spec,
+            lsb_m: stroke_m / STROKE_LSB,
+            adu_per_unit: 0.0,
+            threshold_shift: 0,
+            gain_exponent: 0,
+        };
+        let sigma = spec.pixels.threshold_sigma;
+        ConfigError::check(Field::ThresholdSigma, None, sigma, (0.0, 100.0))?;
+        let (mut largest, mut threshold) = (0.0f64, 0.0f64);
+        quantiser.each_pixel(|index| {
+            let pixels = &spec.pixels;
+            let field = |field, map: &Map<'_, f64>, limit| {
+                let value = map.get(index).unwrap_or(f64::NAN);
+                ConfigError::check(field, Some(index), value, limit)
+            };
+            field(Field::Dark, &pixels.dark_adu, (0.0, 65534.0))?;
+            let gain = field(Field::PixelGain, &pixels.gain, (0.25, 4.0))?;
+            let noise = field(Field::Noise, &pixels.noise_adu, (0.0, 65534.0))?;
+            largest = largest.max(gain);
+            threshold = threshold.max(noise * sigma * gain);
+            Ok(())
+        })?;
+        // Without one good pixel there is no gain to divide by; such a detector sees nothing.
+        quantiser.adu_per_unit = if largest > 0.0 { largest } else { 1.0 };
+        let highest = (threshold / quantiser.adu_per_unit).min(65535.0);
+        while highest / power(quantiser.threshold_shift) > 255.0 {
+            quantiser.threshold_shift += 1;
+        }
+        quantiser.gain_exponent = quantiser.common_exponent()?;
+        Ok(quantiser)
+    }
+
+    /// Refuses maps whose length is not that of what they describe.
+    fn check_lengths(spec: &Spec<'_>) -> Result<(), ConfigError> {
+        let pixels = usize::from(spec.detector.width) * usize::from(spec.detector.height);
+        let subapertures = spec.mask.count();
+        let check = |field, len: Option<usize>, expected: usize, rule| match len {
+            Some(len) if len != expected => {
+                Err(ConfigError::new(field, len as f64, Limit::Rule(rule)))
+            }
+            _ => Ok(()),
+        };
+        let pixel = |field, len| check(field, len, pixels, "entries: must be one a detector pixel");
+        let each =
+            |field, len| check(field, len, subapertures, "entries: must be one a subaperture");
+        pixel(Field::Dark, spec.pixels.dark_adu.entries())?;
+        pixel(Field::PixelGain, spec.pixels.gain.entries())?;
+        pixel(Field::Noise, spec.pixels.noise_adu.entries())?;
+        each(Field::WindowOrigin, Some(spec.windows.origins.len()))?;
+        each(Field::ReferenceSlope, spec.slopes.reference_px.entries())?;
+        each(Field::SlopeGain, spec.slopes.gain_m_per_px.entries())?;
+        each(Field::FluxMin, spec.slopes.flux_min_adu.entries())?;
+        each(Field::FluxMax, spec.slopes.flux_max_adu.entries())?;
+        each(Field::ControlGain, spec.control.gain.entries())?;
+        each(Field::SegmentMatrix, spec.segments.matrix.entries())?;
+        each(Field::Flat, spec.segments.flat_m.entries())?;
+        each(Field::HeightLimits, spec.segments.limits_m.entries())?;
+        each(Field::Response, spec.actuators.response_m.entries())
+    }
+
+    /// Calls `visit` with the detector index of every window pixel that is not bad.
+    fn each_pixel(
+        &self,
+        mut visit: impl FnMut(usize) -> Result<(), ConfigError>,
+    ) -> Result<(), ConfigError> {
+        let size = u16::from(self.spec.windows.size);
+        for &[x0, y0] in self.spec.windows.origins {
+            for y in y0..y0 + size {
+                for x in x0..x0 + size {
+                    if !self.is_bad(x, y) {
+                        visit(self.index(x, y))?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn index(&self, x: u16, y: u16) -> usize {
+        usize::from(y) * usize::from(self.spec.detector.width) + usize::from(x)
+    }
+
+    /// The bad-pixel list is sorted by row, then column.
+    fn is_bad(&self, x: u16, y: u16) -> bool {
+        self.spec.pixels.bad.binary_search_by_key(&(y, x), |&[bx, by]| (by, bx)).is_ok()
+    }
+
+    /// The least exponent under which every slope gain fits a 16-bit mantissa.
+    fn common_exponent(&self) -> Result<u32, ConfigError> {
+        let rule = Limit::Rule("each entry must be a number, and the matrix invertible");
+        let mut largest = 0.0f64;
+        for i in 0..self.spec.mask.count() {
+            let gain = self.spec.slopes.gain_m_per_px.get(i).unwrap_or([[f64::NAN; 2]; 2]);
+            let [[a, b], [c, d]] = gain;
+            let determinant = a * d - b * c;
+            if !determinant.is_finite() || determinant == 0.0 {
+                return Err(ConfigError::at(Field::SlopeGain, i, determinant, rule));
+            }
+            largest = gain.as_flattened().iter().fold(largest, |m, g| m.max(g.abs()));
+        }
+        let highest = largest * self.ulp_per_m();
+        let limit_ulp = power(30);
+        if highest >= limit_ulp {
+            let limit = Limit::Within(0.0, limit_ulp / self.ulp_per_m());
+            return Err(ConfigError::new(Field::SlopeGain, largest, limit));
+        }
+        let mut exponent = 0;
+        while highest / power(exponent) > 32767.0 {
+            exponent += 1;
+        }
+        Ok(exponent)
+    }
+
+    /// Length ulp per metre of path.
+    pub(crate) fn ulp_per_m(&self) -> f64 {
+        power(LENGTH_BITS) / self.lsb_m
+    }
+
+    /// The stored calibration of the detector pixel in column `x`, row `y`.
+    pub(crate) fn pixel(&self, x: u16, y: u16) -> PixelCalibration {
+        if self.is_bad(x, y) {
+            return PixelCalibration { floor: BAD, loss: 0, threshold: 0 };
+        }
+        let (dark, gain, threshold) = self.pixel_values(x, y);
+        let folded = match self.spec.pixels.convention {
+            Convention::Subtract => threshold,
+            Convention::ZeroBelow => 0.0,
+        };
+        let relative = gain / self.adu_per_unit;
+        let stored = round(threshold * relative / power(self.threshold_shift));
+        PixelCalibration {
+            // 65534 is the highest floor of a good pixel: 65535 means bad.
+            floor: round(dark + folded).min(65534.0) as u16,
+            loss: round(power(16) * (1.0 - relative)).min(65535.0) as u16,
+            threshold: stored.min(255.0) as u8,
+        }
+    }
+
+    /// Dark (ADU), gain and threshold (raw ADU) of a good pixel.
+    fn pixel_values(&self, x: u16, y: u16) -> (f64, f64, f64) {
+        let (i, pixels) = (self.index(x, y), &self.spec.pixels);
+        let value = |map: &Map<'_, f64>| map.get(i).unwrap_or(0.0);
+        let threshold = pixels.threshold_sigma * value(&pixels.noise_adu);
+        (value(&pixels.dark_adu), value(&pixels.gain), threshold)
+    }
+
+    /// The mean threshold over the good pixels of the window at `origin`, in signal units.
+    pub(crate) fn base_threshold(&self, [x0, y0]: [u16; 2]) -> u16 {
+        let size = u16::from(self.spec.windows.size);
+        let (mut sum, mut count) = (0.0, 0.0);
+        for y in y0..y0 + size {
+            for x in x0..x0 + size {
+                if !self.is_bad(x, y) {
+                    let (_, gain, threshold) = self.pixel_values(x, y);
+                    sum += threshold * gain / self.adu_per_unit;
+                    count += 1.0;
+                }
+            }
+        }
+        round(if count > 0.0 { sum / count } else { 0.0 }).min(65535.0) as u16
+    }
+
+    /// The estimator, and the width of its weight if it has one.
+    pub(crate) fn estimator(&self) -> Result<(EstimatorConfig, Option<f64>), ConfigError> {
+        let fraction = |value| -> Result<u16, ConfigError> {
+            let value = ConfigError::check(Field::PeakFraction, None, value, (0.0, 0.9))?;
+            Ok(round(value * power(16)) as u16)
+        };
+        Ok(match self.spec.estimator {
+            Estimator::CentreOfGravity => {
+                (EstimatorConfig::CentreOfGravity { peak_fraction: 0 }, None)
+            }
+            Estimator::ThresholdedCentreOfGravity { peak_fraction } => {
+                let peak_fraction = fraction(peak_fraction)?;
+                (EstimatorConfig::CentreOfGravity { peak_fraction }, None)
+            }
+            Estimator::WeightedCentreOfGravity { peak_fraction, fwhm_px, gain } => {
+                ConfigError::check(Field::WeightFwhm, None, fwhm_px, (0.5, 64.0))?;
+                // Q12 in an i32 that multiplies a Q16 centroid: 7 is far above any real width.
+                ConfigError::check(Field::WeightGain, None, gain, (1.0 / 4096.0, 7.0))?;
+                let peak_fraction = fraction(peak_fraction)?;
+                let gain = round(gain * power(12)) as i32;
+                (EstimatorConfig::Weighted { peak_fraction, gain }, Some(fwhm_px))
+            }
+            Estimator::Brightest { count } => {
+                let size = f64::from(self.spec.windows.size);
+                let limit = (1.0, size * size - 1.0);
+                ConfigError::check(Field::BrightestCount, None, f64::from(count), limit)?;
+                let bits = u32::from(self.spec.detector.bits);
+                (EstimatorConfig::Brightest { n: u32::from(count), bits }, None)
+            }
+        })
+    }
+
+    /// The slope calibration of subaperture `i`.
+    pub(crate) fn slope(&self, i: usize) -> Result<SlopeCalibration, ConfigError> {
+        let slopes = &self.spec.slopes;
+        let reference = slopes.reference_px.get(i).unwrap_or([f64::NAN; 2]);
+        for value in reference {
+            ConfigError::check(Field::ReferenceSlope, Some(i), value, (-32.0, 32.0))?;
+        }
+        let top = f64::from(u32::MAX) * self.adu_per_unit;
+        let flux = |field, map: &Map<'_, f64>, low| {
+            ConfigError::check(field, Some(i), map.get(i).unwrap_or(f64::NAN), (low, top))
+        };
+        let flux_min = flux(Field::FluxMin, &slopes.flux_min_adu, 0.0)?;
+        let flux_max = flux(Field::FluxMax, &slopes.flux_max_adu, flux_min)?;
+        let gain = slopes.gain_m_per_px.get(i).unwrap_or([[0.0; 2]; 2]);
+        let mantissa = |g: f64| round(g * self.ulp_per_m() / power(self.gain_exponent)) as i16;
+        Ok(SlopeCalibration {
+            reference_q16: reference.map(|r| round(r * power(CENTROID_BITS)) as i32),
+            gain: gain.map(|row| row.map(mantissa)),
+            flux_min: (round(flux_min / self.adu_per_unit) as u32).max(1),
+            flux_max: round(flux_max / self.adu_per_unit) as u32,
+        })
+    }
+
+    /// The control coefficients of subaperture `i`.
+    pub(crate) fn gains(&self, i: usize) -> Result<Gains, ConfigError> {
+        let control = &self.spec.control;
+        let f = ConfigError::check(Field::LeverArm, None, control.lever_arm, (0.5, 1.9))?;
+        let g = control.gain.get(i).unwrap_or(f64::NAN);
+        let q = round(g * power(GAIN_BITS));
+        if !(g > 0.0 && g < 2.0 && q > 0.0) {
+            let limit = Limit::Between(0.0, 2.0);
+            return Err(ConfigError::at(Field::ControlGain, i, g, limit));
+        }
+        // From the rounded g, so that with f = 1 the two add up to one exactly.
+        Ok(Gains { keep: (power(GAIN_BITS) - q) as i16, take: round(q * f) as i16 })
+    }
+
+    /// The mechanics of segment `i`.
+    pub(crate) fn segment(&self, i: usize) -> Result<Segment, ConfigError> {
+        let segments = &self.spec.segments;
+        let matrix = segments.matrix.get(i).unwrap_or([[f64::NAN; 3]; ACTUATORS]);
+        for row in matrix {
+            let [piston, tip, tilt] = row;
+            ConfigError::check(Field::SegmentMatrix, Some(i), piston, (0.25, 3.999))?;
+            for value in [tip, tilt] {
+                ConfigError::check(Field::SegmentMatrix, Some(i), value, (-4.0, 3.999))?;
+            }
+        }
+        let determinant = determinant(matrix);
+        if determinant.abs() < 1e-3 {
+            let rule = Limit::Rule("determinant: the three actuators must not lie on one line");
+            return Err(ConfigError::at(Field::SegmentMatrix, i, determinant, rule));
+        }
+        let limits = segments.limits_m.get(i).unwrap_or([[f64::NAN; 2]; ACTUATORS]);
+        let flats = segments.flat_m.get(i).unwrap_or([f64::NAN; ACTUATORS]);
+        let mut heights = [[0u16; 3]; ACTUATORS];
+        for ((heights, [low, high]), flat) in heights.iter_mut().zip(limits).zip(flats) {
+            let check = |field, value, limit| ConfigError::check(field, Some(i), value, limit);
+            check(Field::HeightLimits, low, (0.0, segments.stroke_m))?;
+            check(Field::HeightLimits, high, (low, segments.stroke_m))?;
+            // Inwards, so that no code leaves what the limits allow.
+            let low_lsb = libm::ceil(low / self.lsb_m);
+            let high_lsb = libm::floor(high / self.lsb_m).min(STROKE_LSB - 1.0);
+            let flat_lsb = round(flat / self.lsb_m);
+            let room = (low_lsb * self.lsb_m, high_lsb * self.lsb_m);
+            if !(flat_lsb >= low_lsb && flat_lsb <= high_lsb) {
+                check(Field::Flat, flat, room)?;
+                return Err(ConfigError::at(Field::Flat, i, flat, Limit::Within(room.0, room.1)));
+            }
+            *heights = [low_lsb, high_lsb, flat_lsb].map(|lsb| lsb as u16);
+        }
+        let q = |value: f64| round(value * power(MATRIX_BITS));
+        Ok(Segment {
+            matrix: matrix.map(|row| row.map(|value| q(value) as i16)),
+            inverse_piston: matrix.map(|[piston, _, _]| q(1.0 / piston) as u16),
+            lowest: heights.map(|[low, _, _]| low),
+            highest: heights.map(|[_, high, _]| high),
+            flat: heights.map(|[_, _, flat]| flat),
+        })
+    }
+
+    /// The slew limit, ulp per frame.
+    pub(crate) fn slew_ulp(&self) -> Result<i32, ConfigError> {
+        let stroke = self.spec.segments.stroke_m;
+        match self.spec.segments.slew_m_per_frame {
+            // No motion within the stroke is longer than this.
+            None => Ok(i32::MAX),
+            Some(slew) => {
+                // A quarter of an LSB is the step of the slew's division.
+                let limit = (self.lsb_m, stroke);
+                let slew = ConfigError::check(Field::Slew, None, slew, limit)?;
+                Ok((slew * self.ulp_per_m()) as i32)
+            }
+        }
+    }
+
+    /// The responses of segment `i`'s actuators.
+    pub(crate) fn responses(
+        &self,
+        i: usize,
+        segment: &Segment,
+    ) -> Result<[Response; ACTUATORS], ConfigError> {
+        let actuators = &self.spec.actuators;
+        let bits = f64::from(actuators.dac_bits);
+        ConfigError::check(Field::DacBits, None, bits, (8.0, 16.0))?;
+        let top = power(u32::from(actuators.dac_bits)) - 1.0;
+        let full_v = match actuators.law {
+            Law::Linear => top * power(15),
+            Law::Quadratic => top * top / 2.0,
+        };
+        let ends = actuators.response_m.get(i).unwrap_or([[f64::NAN; 2]; ACTUATORS]);
+        let mut responses = [Response { offset: 0, slope: 0 }; ACTUATORS];
+        let limits = segment.lowest.iter().zip(&segment.highest);
+        for ((response, [zero, full]), (&low, &high)) in responses.iter_mut().zip(ends).zip(limits)
+        {
+            let stroke = self.spec.segments.stroke_m;
+            let span = (full - zero).abs();
+            let rule = Limit::Rule(
+                "m between code 0 and the highest: must be at least a quarter of segments.stroke_m",
+            );
+            if !(span >= stroke / 4.0 && span.is_finite() && zero.is_finite()) {
+                return Err(ConfigError::at(Field::Response, i, span, rule));
+            }
+            let v = |height_lsb: f64| full_v * (height_lsb * self.lsb_m - zero) / (full - zero);
+            for lsb in [low, high] {
+                let reached = v(f64::from(lsb)) / full_v;
+                // Half an LSB of a 16-bit scale outside is rounding, not a range that is missing.
+                if !(-1.0 / 131_072.0..=1.0 + 1.0 / 131_072.0).contains(&reached) {
+                    let rule = Limit::Rule(
+                        "of the response needed at a height limit: must be from 0 to 1",
+                    );
+                    return Err(ConfigError::at(Field::Response, i, reached, rule));
+                }
+            }
+            let slope = (v(STROKE_LSB) - v(0.0)) / 4.0;
+            *response = Response { offset: round(v(0.0)) as i32, slope: round(slope) as i32 };
+        }
+        Ok(responses)
+    }
+}
+
+fn determinant([[a, b, c], [d, e, f], [g, h, i]]: [[f64; 3]; 3]) -> f64 {
+    a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+}

@@ -1,0 +1,172 @@
+//! A field on the padded grid, split by colour, with its four neighbours as plain slices.
+//!
+//! Padded node `f` is red if even: red node h is `f = 2 h`, black node h is `f = 2 h + 1`, each in
+//! its own half-length array. With an odd stride S the neighbours of every node of one colour lie
+//! in the other at one offset each:
+//!
+//! | | west f-1 | east f+1 | north f-S | south f+S |
+//! |---|---|---|---|---|
+//! | red h | black h-1 | black h | black h-(S+1)/2 | black h+(S-1)/2 |
+//! | black h | red h | red h+1 | red h-(S-1)/2 | red h+(S+1)/2 |
+//!
+//! so that a stage over all nodes of a colour is one loop over parallel slices, without an index,
+//! a bound check or an order of its own.
+
+use crate::geometry::Grid;
+
+/// The colours.
+pub(crate) const COLOURS: [usize; 2] = [0, 1];
+
+/// One value a padded node; zero where there is no subaperture.
+#[derive(Debug)]
+pub struct RedBlack<T, const M: usize>([[T; M]; 2]);
+
+/// The neighbours of the nodes of one colour, in step with [`RedBlack::nodes`].
+#[derive(Clone, Copy)]
+pub(crate) struct Sides<'a, T> {
+    west: &'a [T],
+    east: &'a [T],
+    north: &'a [T],
+    south: &'a [T],
+}
+
+impl<'a, T: Copy> Sides<'a, T> {
+    /// West, east, north and south of one node after the other.
+    #[inline(always)]
+    pub(crate) fn iter(self) -> impl Iterator<Item = [T; 4]> + 'a {
+        let columns = self.west.iter().zip(self.east);
+        let rows = self.north.iter().zip(self.south);
+        columns.zip(rows).map(|((&w, &e), (&n, &s))| [w, e, n, s])
+    }
+}
+
+/// First node and number of nodes of one colour: all rows but the padded ones.
+#[inline(always)]
+fn span(grid: &Grid, colour: usize) -> core::ops::Range<usize> {
+    let start = grid.stride / 2 + (1 - colour);
+    start..start + (grid.nodes / 2).saturating_sub(grid.stride)
+}
+
+/// The nodes of one colour of a half array that belongs to the same grid.
+#[inline(always)]
+fn of<'a, T>(half: &'a [T], grid: &Grid, colour: usize) -> &'a [T] {
+    half.get(span(grid, colour)).unwrap_or_default()
+}
+
+/// The sides of the nodes of `colour`, from the other colour's half.
+#[inline(always)]
+fn sides<'a, T>(other: &'a [T], grid: &Grid, colour: usize) -> Sides<'a, T> {
+    let nodes = span(grid, colour);
+    let (red, len) = (1 - colour, nodes.len());
+    let at = |shift: usize, back: usize| {
+        let start = (nodes.start + shift).saturating_sub(back);
+        other.get(start..start + len).unwrap_or_default()
+    };
+    Sides {
+        west: at(0, red),
+        east: at(1 - red, 0),
+        north: at(0, grid.stride / 2 + red),
+        south: at(grid.stride / 2 + 1 - red, 0),
+    }
+}
+
+impl<T: Copy, const M: usize> RedBlack<T, M> {
+    /// `value` everywhere.
+    pub const fn new(value: T) -> Self {
+        Self([[value; M]; 2])
+    }
+
+    /// Sets every node to `value`.
+    pub fn fill(&mut self, value: T) {
+        self.0.as_flattened_mut().fill(value);
+    }
+
+    /// The value at a padded node; `None` off the grid.
+    #[inline(always)]
+    pub fn get(&self, padded: u16) -> Option<&T> {
+        let (h, colour) = (usize::from(padded / 2), usize::from(padded % 2));
+        self.0.get(colour).and_then(|half| half.get(h))
+    }
+
+    /// The value at a padded node; `None` off the grid.
+    #[inline(always)]
+    pub fn get_mut(&mut self, padded: u16) -> Option<&mut T> {
+        let (h, colour) = (usize::from(padded / 2), usize::from(padded % 2));
+        self.0.get_mut(colour).and_then(|half| half.get_mut(h))
+    }
+
+    #[inline(always)]
+    fn half(&self, colour: usize) -> &[T; M] {
+        let [red, black] = &self.0;
+        if colour == 0 { red } else { black }
+    }
+
+    /// The nodes of one colour.
+    #[inline(always)]
+    pub(crate) fn nodes(&self, grid: &Grid, colour: usize) -> &[T] {
+        of(self.half(colour), grid, colour)
+    }
+
+    /// The nodes of one colour, to write.
+    #[inline(always)]
+    pub(crate) fn nodes_mut(&mut self, grid: &Grid, colour: usize) -> &mut [T] {
+        let [red, black] = &mut self.0;
+        let half = if colour == 0 { red } else { black };
+        half.get_mut(span(grid, colour)).unwrap_or_default()
+    }
+
+    /// The neighbours of the nodes of one colour.
+    #[inline(always)]
+    pub(crate) fn sides(&self, grid: &Grid, colour: usize) -> Sides<'_, T> {
+        sides(self.half(1 - colour), grid, colour)
+    }
+
+    /// The nodes of one colour, to write, and their neighbours.
+    #[inline(always)]
+    pub(crate) fn nodes_and_sides(
+        &mut self,
+        grid: &Grid,
+        colour: usize,
+    ) -> (&mut [T], Sides<'_, T>) {
+        let [red, black] = &mut self.0;
+        let (own, other) = if colour == 0 { (red, black) } else { (black, red) };
+        let nodes = own.get_mut(span(grid, colour)).unwrap_or_default();
+        (nodes, sides(other, grid, colour))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{MAX_ACROSS, MIN_ACROSS};
+
+    #[test]
+    fn sides_are_the_four_neighbours() {
+        for across in MIN_ACROSS..=MAX_ACROSS {
+            let grid = Grid::new(across);
+            let mut field = RedBlack::<usize, { 40 * 40 }>::new(usize::MAX);
+            for f in 0..grid.nodes {
+                *field.get_mut(f as u16).expect("on the grid") = f;
+            }
+            let mut seen = 0;
+            for colour in COLOURS {
+                let nodes = field.nodes(&grid, colour);
+                let sides = field.sides(&grid, colour);
+                assert_eq!(sides.iter().count(), nodes.len());
+                for (&f, [w, e, n, s]) in nodes.iter().zip(sides.iter()) {
+                    assert_eq!(f % 2, colour);
+                    assert_eq!([w, e], [f - 1, f + 1]);
+                    assert_eq!([n, s], [f - grid.stride, f + grid.stride]);
+                    seen += 1;
+                }
+            }
+            let (first, last) = (grid.node(0, 0), grid.node(across - 1, across - 1));
+            assert!(seen > last - first, "N = {across}: every cell is visited");
+            for colour in COLOURS {
+                let nodes = field.nodes(&grid, colour);
+                assert!(nodes.first().is_some_and(|&f| f <= first + 1));
+                assert!(nodes.last().is_some_and(|&f| f + 1 >= last));
+            }
+        }
+    }
+}

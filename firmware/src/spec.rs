@@ -1,0 +1,211 @@
+//! What an instrument is, in physical units: the input of [`crate::config::Config::build`].
+//!
+//! Lengths are optical path differences in metres (twice the motion of a mirror surface), signals
+//! are in ADU, angles on the detector in pixels. Nothing here is validated; `build` does that.
+
+use crate::actuators::Law;
+use crate::gate::GateSpec;
+use crate::geometry::Mask;
+use crate::pixels::Convention;
+use crate::segments::ACTUATORS;
+use crate::slopes::MeanSlope;
+
+/// One value for all, or one for each.
+///
+/// "Each" is in row-major order: of the detector's pixels, or of the mask's subapertures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Map<'a, T> {
+    /// The same everywhere.
+    Uniform(T),
+    /// One entry each.
+    Each(&'a [T]),
+}
+
+impl<T: Copy> Map<'_, T> {
+    /// The value for entry `index`; `None` beyond the end.
+    #[must_use]
+    pub fn get(&self, index: usize) -> Option<T> {
+        match self {
+            Self::Uniform(value) => Some(*value),
+            Self::Each(values) => values.get(index).copied(),
+        }
+    }
+
+    /// The number of entries, if the map has one each.
+    #[must_use]
+    pub fn entries(&self) -> Option<usize> {
+        match self {
+            Self::Uniform(_) => None,
+            Self::Each(values) => Some(values.len()),
+        }
+    }
+}
+
+/// The detector, as it is read out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DetectorSpec {
+    /// Pixels in a row, 1 to 4096.
+    pub width: u16,
+    /// Rows in a frame, 1 to 4096.
+    pub height: u16,
+    /// Bits of a pixel, 8 to 16.
+    pub bits: u8,
+}
+
+/// Where the windows are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WindowSpec<'a> {
+    /// W, pixels on a side, 4 to 32.
+    pub size: u8,
+    /// Column and row of each subaperture's first pixel. Windows lie on the detector and do not
+    /// overlap.
+    pub origins: &'a [[u16; 2]],
+}
+
+/// The detector's calibration. Maps are over the detector, row-major.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PixelSpec<'a> {
+    /// Dark level with bias, ADU, 0 to 65534.
+    pub dark_adu: Map<'a, f64>,
+    /// Factor that makes the pixel's response that of a mean pixel, 1/4 to 4.
+    pub gain: Map<'a, f64>,
+    /// Noise of a dark pixel, ADU rms, 0 to 65534.
+    pub noise_adu: Map<'a, f64>,
+    /// Threshold in units of that noise, 0 to 100.
+    pub threshold_sigma: f64,
+    /// What a threshold does.
+    pub convention: Convention,
+    /// Column and row of each bad pixel, in row-major order. Their calibration is not looked at.
+    pub bad: &'a [[u16; 2]],
+    /// Raw value from which a pixel counts as saturated, ADU; 2^bits - 1 if `None`.
+    pub saturation_adu: Option<u16>,
+}
+
+/// How a window becomes a centroid. See [`crate::centroid`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Estimator {
+    /// Centre of gravity of what is above the pixels' own threshold.
+    CentreOfGravity,
+    /// Centre of gravity above max(k sigma, `peak_fraction` of the subaperture's previous peak).
+    ThresholdedCentreOfGravity {
+        /// 0 to 0.9.
+        peak_fraction: f64,
+    },
+    /// The same, weighted with a Gaussian centred on the previous centroid.
+    WeightedCentreOfGravity {
+        /// 0 to 0.9.
+        peak_fraction: f64,
+        /// Full width at half maximum of the weight, pixels, 0.5 to 64.
+        fwhm_px: f64,
+        /// Displacement per measured displacement from the weight's centre, above 0 to 7.
+        gain: f64,
+    },
+    /// Centre of gravity of the `count` brightest pixels above the next one.
+    Brightest {
+        /// 1 to W^2 - 1.
+        count: u16,
+    },
+}
+
+/// Centroids to slopes. Maps are over the subapertures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlopeSpec<'a> {
+    /// Reference slopes: the centroid (x, y) of a flat wavefront from the window's centre, pixels,
+    /// within +-32.
+    pub reference_px: Map<'a, [f64; 2]>,
+    /// Centre-to-edge path difference per pixel of centroid, m: rows tip and tilt, columns x and
+    /// y.
+    pub gain_m_per_px: Map<'a, [[f64; 2]; 2]>,
+    /// Least flux of a valid measurement, calibrated ADU.
+    pub flux_min_adu: Map<'a, f64>,
+    /// Greatest flux of a valid measurement, calibrated ADU.
+    pub flux_max_adu: Map<'a, f64>,
+    /// Whether the mean slope is removed.
+    pub mean: MeanSlope,
+}
+
+/// The control law. See [`crate::control`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ControlSpec<'a> {
+    /// Integrator gain g of each subaperture, above 0 and below 2.
+    pub gain: Map<'a, f64>,
+    /// f, which makes up for the lever arm of high layers; 1 for none, 0.5 to 1.9.
+    pub lever_arm: f64,
+    /// L, frames between the end of an exposure and the start of its command; 0 to 3.
+    pub delay_frames: u8,
+    /// Frames after which an unrenewed global tilt counts as stale.
+    pub global_tilt_max_age: u32,
+}
+
+/// The piston solver. See [`crate::sor`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SorSpec {
+    /// Relaxation factor, 1 to 1.99; from the mask if `None`.
+    pub omega: Option<f64>,
+    /// Sweeps of a frame, 1 to 1000; ceil(N/2) if `None`.
+    pub sweeps: Option<u16>,
+    /// Sweeps of the first frame after a reset, 1 to 10000; four times the others if `None`.
+    pub cold_sweeps: Option<u16>,
+}
+
+/// The mirror's segments. Maps are over the subapertures, arrays over the actuators of a segment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SegmentSpec<'a> {
+    /// Full range of the height scale, path difference in m: 65536 LSB.
+    pub stroke_m: f64,
+    /// Height of each actuator per piston, tip and tilt of its segment, within +-4; the piston
+    /// column from 1/4 to 4.
+    pub matrix: Map<'a, [[f64; 3]; ACTUATORS]>,
+    /// Heights of the flat segment, m above the actuators' zero.
+    pub flat_m: Map<'a, [f64; ACTUATORS]>,
+    /// Lowest and highest height of each actuator, m above its zero, within the stroke.
+    pub limits_m: Map<'a, [[f64; 2]; ACTUATORS]>,
+    /// Greatest motion of an actuator in a frame, m; none if `None`.
+    pub slew_m_per_frame: Option<f64>,
+}
+
+/// The actuators' drive. The map is over the subapertures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ActuatorSpec<'a> {
+    /// Bits of the DAC, 8 to 16.
+    pub dac_bits: u8,
+    /// How height follows from code.
+    pub law: Law,
+    /// Height of each actuator at code 0 and at the highest code, m.
+    pub response_m: Map<'a, [[f64; 2]; ACTUATORS]>,
+}
+
+/// Everything the reconstructor needs to know.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spec<'a> {
+    /// The subapertures.
+    pub mask: Mask,
+    /// The detector.
+    pub detector: DetectorSpec,
+    /// The windows.
+    pub windows: WindowSpec<'a>,
+    /// The pixels' calibration.
+    pub pixels: PixelSpec<'a>,
+    /// The centroid's estimator.
+    pub estimator: Estimator,
+    /// The slopes.
+    pub slopes: SlopeSpec<'a>,
+    /// The control law.
+    pub control: ControlSpec<'a>,
+    /// The piston solver.
+    pub sor: SorSpec,
+    /// The segments.
+    pub segments: SegmentSpec<'a>,
+    /// The actuators.
+    pub actuators: ActuatorSpec<'a>,
+    /// The range gate and the frame's timing.
+    pub gate: GateSpec,
+}
+
+/// Heights of three actuators on a circle of `radius` half pitches, the first one towards +y, for
+/// unit piston, tip and tilt.
+#[must_use]
+pub fn triangle(radius: f64) -> [[f64; 3]; ACTUATORS] {
+    let side = radius * libm::sqrt(3.0) / 2.0;
+    [[1.0, 0.0, radius], [1.0, -side, -radius / 2.0], [1.0, side, -radius / 2.0]]
+}
