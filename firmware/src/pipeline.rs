@@ -48,11 +48,11 @@ pub enum Progress {
 pub enum RowError {
     /// No frame has begun.
     NotBegun,
-    /// The row has not the detector's width: pixels it had, pixels it must have.
+    /// The row has not the detector's width, or the list not one entry a subaperture.
     Length {
-        /// Pixels in the row.
+        /// What it has.
         found: u32,
-        /// Pixels in a row of the detector.
+        /// What it must have.
         expected: u16,
     },
     /// The frame already has all its rows.
@@ -64,7 +64,7 @@ impl core::fmt::Display for RowError {
         match self {
             Self::NotBegun => f.write_str("row before the start of a frame"),
             Self::Length { found, expected } => {
-                write!(f, "row of {found} pixels, the detector has {expected}")
+                write!(f, "row of {found} entries, must have {expected}")
             }
             Self::Extra => f.write_str("row after the last of the frame"),
         }
@@ -301,6 +301,33 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         self.readout.push(config, pixels);
         let complete = self.readout.rows() == config.height;
         Ok(if complete { Progress::Complete } else { Progress::More })
+    }
+
+    /// Takes a whole frame as measurements made elsewhere, in subaperture order, in place of rows:
+    /// a sensor that centroids by itself, or a simulation without images.
+    ///
+    /// # Errors
+    /// [`RowError::NotBegun`], [`RowError::Extra`] if rows came before, [`RowError::Length`] if
+    /// there is not one measurement a subaperture.
+    pub fn push_measurements<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        measurements: &[Measurement],
+    ) -> Result<Progress, RowError> {
+        let expected = config.subapertures();
+        match self.phase {
+            Phase::Idle => Err(RowError::NotBegun),
+            _ if self.readout.rows() > 0 => Err(RowError::Extra),
+            _ if measurements.len() != expected => {
+                self.phase = Phase::Malformed;
+                let found = measurements.len() as u32;
+                Err(RowError::Length { found, expected: expected as u16 })
+            }
+            _ => {
+                self.readout.supply(config, measurements);
+                Ok(Progress::Complete)
+            }
+        }
     }
 
     /// Ends the frame: new codes if it was complete, the old ones if not.

@@ -170,6 +170,18 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         }
     }
 
+    /// Takes measurements made elsewhere in place of a frame's rows.
+    pub(crate) fn supply<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        measurements: &[Measurement],
+    ) {
+        if let Some(new) = self.measurements.get_mut(1 - self.complete) {
+            new.iter_mut().zip(measurements).for_each(|(place, &new)| *place = new);
+        }
+        self.row = config.height;
+    }
+
     /// Makes the frame just read the last complete one: its measurements become readable, its
     /// peaks and centroids set the next frame's thresholds and weights.
     ///

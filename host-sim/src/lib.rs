@@ -1,1 +1,32 @@
-//! SPLASH simulator.
+//! The physics of SPLASH around the firmware library, and a closed loop through it.
+//!
+//! | module | what it is |
+//! |---|---|
+//! | [`instrument`] | the TOML description of an instrument |
+//! | [`pupil`], [`screen`], [`atmosphere`] | subapertures and segments, phase screens, frozen flow |
+//! | [`optics`] | images of the spots, exact gradients, the science star |
+//! | [`detector`] | electrons to ADU |
+//! | [`reconstructor`] | the firmware's configuration for an instrument |
+//! | [`board`] | where the firmware library runs |
+//! | [`mirror`] | DAC codes to the shape of the segments |
+//! | [`closed_loop`] | all of them, frame after frame |
+//! | [`summary`] | averages, digest and faults of a run |
+//! | [`files`], [`figures`] | FITS, CSV and pictures |
+//! | [`cli`], [`commands`] | the command line |
+
+pub mod atmosphere;
+pub mod board;
+pub mod cli;
+pub mod closed_loop;
+pub mod commands;
+pub mod detector;
+pub mod error;
+pub mod figures;
+pub mod files;
+pub mod instrument;
+pub mod mirror;
+pub mod optics;
+pub mod pupil;
+pub mod reconstructor;
+pub mod screen;
+pub mod summary;

@@ -1,0 +1,193 @@
+//! The command line.
+
+use crate::closed_loop::Sensing;
+use crate::commands;
+use crate::error::Error;
+use crate::instrument::Instrument;
+use crate::optics::geometric::Sensor;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Simulates a SPLASH adaptive-optics system around the firmware library.
+///
+/// Without a command, closes the loop with the default instrument: numbers on the screen,
+/// pictures, CSV and FITS in the output directory.
+#[derive(Debug, Parser)]
+#[command(name = "host-sim", version, args_conflicts_with_subcommands = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    closed_loop: LoopArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Closes the loop through the firmware library.
+    Loop(LoopArgs),
+    /// Runs the loop and records every detector frame, with truth and configuration, as FITS.
+    Frames(FramesArgs),
+    /// Feeds recorded frames to the firmware library with the configuration found beside them.
+    Replay(ReplayArgs),
+    /// Prints the default instrument description (TOML) with comments.
+    Config,
+}
+
+/// What every command takes.
+#[derive(Clone, Debug, Args)]
+pub struct OutputArgs {
+    /// Output directory [default: target/splash/<command>]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// One JSON object on stdout, everything else on stderr
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What describes a run.
+#[derive(Clone, Debug, Args)]
+pub struct RunArgs {
+    /// Instrument description (TOML), laid over the default one
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Subapertures across the pupil, 4 to 40, of the same size [default: the description's, 8]
+    #[arg(long, value_name = "N")]
+    pub n: Option<usize>,
+    /// Frames to run
+    #[arg(long, value_name = "FRAMES", default_value_t = 500)]
+    pub frames: u32,
+    /// Seed of turbulence and noise
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Detector without photon, dark and read noise
+    #[arg(long)]
+    pub noise_free: bool,
+}
+
+/// `host-sim loop`.
+#[derive(Clone, Debug, Args)]
+pub struct LoopArgs {
+    #[command(flatten)]
+    pub(crate) run: RunArgs,
+    /// Frames left out of the averages
+    #[arg(long, value_name = "FRAMES", default_value_t = 50)]
+    pub(crate) settle: u32,
+    /// The sensor
+    #[arg(long, value_enum, default_value_t = SensorName::Splash)]
+    pub(crate) sensor: SensorName,
+    /// How the sensor is simulated
+    #[arg(long, value_enum, default_value_t = Sensing::Images)]
+    pub(crate) sensing: Sensing,
+    /// Where the firmware library runs
+    #[arg(long, value_enum, default_value_t = BoardName::Host)]
+    pub(crate) board: BoardName,
+    /// Last frames to keep in frames.fits and phases.fits
+    #[arg(long, value_name = "FRAMES", default_value_t = 100)]
+    pub(crate) keep: u32,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
+/// `host-sim frames`.
+#[derive(Clone, Debug, Args)]
+pub struct FramesArgs {
+    /// The file to write
+    pub(crate) file: PathBuf,
+    #[command(flatten)]
+    pub(crate) run: RunArgs,
+    /// One JSON object on stdout, everything else on stderr
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// `host-sim replay`.
+#[derive(Clone, Debug, Args)]
+pub struct ReplayArgs {
+    /// A file written by `host-sim frames`
+    pub(crate) file: PathBuf,
+    /// Instrument description (TOML) to use in place of the file's, laid over the default one
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
+/// A sensor's name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SensorName {
+    /// Laser spots launched through the pupil.
+    Splash,
+    /// A conventional laser guide star.
+    Lgs,
+    /// A natural guide star.
+    Ngs,
+}
+
+impl SensorName {
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Splash => "splash",
+            Self::Lgs => "lgs",
+            Self::Ngs => "ngs",
+        }
+    }
+
+    /// The optics of that name.
+    pub fn sensor(self) -> Sensor {
+        match self {
+            Self::Splash => Sensor::Splash,
+            Self::Lgs => Sensor::Lgs,
+            Self::Ngs => Sensor::Ngs,
+        }
+    }
+}
+
+/// A board's name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum BoardName {
+    /// In this process.
+    Host,
+}
+
+impl BoardName {
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Host => "host",
+        }
+    }
+}
+
+impl RunArgs {
+    /// The instrument that the arguments ask for.
+    ///
+    /// # Errors
+    /// [`Error::Config`] if the description cannot be used.
+    pub fn instrument(&self) -> Result<Instrument, Error> {
+        let mut instrument = match &self.config {
+            Some(file) => Instrument::load(file)?,
+            None => Instrument::standard()?,
+        };
+        if let Some(n) = self.n {
+            instrument.telescope.subapertures = n;
+        }
+        Ok(instrument)
+    }
+}
+
+impl Cli {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// [`Error`], whose exit code is the process's.
+    pub fn run(self) -> Result<(), Error> {
+        match self.command {
+            None => commands::closed_loop::run(&self.closed_loop),
+            Some(Command::Loop(args)) => commands::closed_loop::run(&args),
+            Some(Command::Frames(args)) => commands::frames::run(&args),
+            Some(Command::Replay(args)) => commands::replay::run(&args),
+            Some(Command::Config) => commands::config::run(),
+        }
+    }
+}

@@ -1,0 +1,256 @@
+//! The closed loop: light through turbulence and mirror, frames through the firmware library, its
+//! codes back to the mirror.
+//!
+//! Frame k is exposed and the star observed at time k times the frame's length, with the shape
+//! that the mirror was given by the codes of frame k - 1 - L (L the configured delay).
+
+use crate::atmosphere::{Atmosphere, Turbulence};
+use crate::board::{Board, Frame};
+use crate::error::{Error, refuse};
+use crate::instrument::Instrument;
+use crate::mirror::SegmentedMirror;
+use crate::optics::geometric::{GeometricSensor, Sensor};
+use crate::optics::science::{Observation, Science};
+use crate::optics::splash_image::SplashCamera;
+use crate::pupil::{Mirror, Pupil};
+use crate::reconstructor::Reconstructor;
+use splash_firmware::centroid::Measurement;
+use splash_firmware::fixed::CENTROID_BITS;
+use splash_firmware::pipeline::Report;
+use std::collections::VecDeque;
+
+/// How the sensor is simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Sensing {
+    /// Images through the optics and the detector, centroids by the firmware.
+    Images,
+    /// Exact phase gradients in place of images and centroids.
+    Geometric,
+}
+
+/// What to run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Run {
+    /// The sensor.
+    pub sensor: Sensor,
+    /// How it is simulated.
+    pub sensing: Sensing,
+    /// Frames.
+    pub frames: u32,
+    /// Seed of turbulence and noise.
+    pub seed: u64,
+    /// Detector without noise.
+    pub noise_free: bool,
+}
+
+/// One frame of a loop, as it was left by the firmware.
+pub struct Step<'a> {
+    /// Its number.
+    pub frame: u32,
+    /// Its time, s.
+    pub time_s: f64,
+    /// What the star saw while it was exposed.
+    pub observation: Observation,
+    /// The detector, ADU, row-major; empty without images.
+    pub pixels: &'a [u16],
+    /// What the firmware made of it.
+    pub report: Report,
+}
+
+/// A loop that is set up and can be stepped.
+pub struct ClosedLoop<'a> {
+    board: &'a mut dyn Board,
+    reconstructor: &'a Reconstructor,
+    run: Run,
+    frame_s: f64,
+    flux_e: f32,
+    pupil: Pupil,
+    atmosphere: Atmosphere,
+    eye: Eye,
+    science: Science,
+    device: SegmentedMirror,
+    mirror: Mirror,
+    /// Codes on their way to the mirror, oldest first: L of them.
+    pending: VecDeque<Vec<[u16; 3]>>,
+    origins: Vec<[usize; 2]>,
+    expected_e: Vec<f32>,
+    pixels: Vec<u16>,
+    frame: u32,
+}
+
+/// The optics of the sensor.
+enum Eye {
+    Images { camera: SplashCamera, images: Vec<f32> },
+    Gradients { sensor: GeometricSensor, centroids: Vec<[f64; 2]> },
+}
+
+impl<'a> ClosedLoop<'a> {
+    /// Draws the turbulence and flattens the mirror; `progress` is told the fraction done.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for what the optics refuse, and for images of another sensor than SPLASH.
+    pub fn new(
+        instrument: &Instrument,
+        reconstructor: &'a Reconstructor,
+        board: &'a mut dyn Board,
+        run: Run,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Self, Error> {
+        if run.sensing == Sensing::Images && run.sensor != Sensor::Splash {
+            return Err(refuse("--sensing", "images", "geometric with this --sensor"));
+        }
+        if run.frames == 0 {
+            return Err(refuse("--frames", 0, "at least 1"));
+        }
+        let electrons = instrument.laser.electrons_per_spot;
+        if !(electrons > 0.0 && electrons <= 1e9) {
+            return Err(refuse("laser.electrons_per_spot", electrons, "above 0 and at most 1e9"));
+        }
+        let pupil = instrument.pupil()?;
+        let frame_s = instrument.frame_s();
+        let turbulence = Turbulence::new(
+            instrument.atmosphere.r0_m,
+            &instrument.layers(),
+            pupil.diameter_m(),
+            pupil.pitch_m(),
+            f64::from(run.frames) * frame_s,
+        )?;
+        let atmosphere = turbulence.realise(run.seed, progress);
+        let height_m = instrument.laser.beacon_height_m;
+        let scale = instrument.windows.pixels_per_lambda_d;
+        let (spots, window) = (pupil.subapertures().len(), instrument.windows.size);
+        let eye = match run.sensing {
+            Sensing::Images => Eye::Images {
+                camera: SplashCamera::new(&pupil, &atmosphere, height_m, scale, window)?,
+                images: vec![0.0; spots * window * window],
+            },
+            Sensing::Geometric => Eye::Gradients {
+                sensor: GeometricSensor::new(run.sensor, &pupil, &atmosphere, height_m, scale)?,
+                centroids: vec![[0.0; 2]; spots],
+            },
+        };
+        let (sensing_m, science_m) = (instrument.laser.wavelength_m, instrument.science.wavelength_m);
+        let science = Science::new(&pupil, &atmosphere, sensing_m, science_m)?;
+        let flat = vec![board.codes().to_vec(); usize::from(instrument.control.delay_frames)];
+        let side = instrument.detector_side();
+        let pixels = if run.sensing == Sensing::Images { side * side } else { 0 };
+        let device = SegmentedMirror::new(instrument);
+        let mut mirror = Mirror::flat(spots);
+        device.apply(board.codes(), &mut mirror);
+        Ok(Self {
+            board,
+            reconstructor,
+            run,
+            frame_s,
+            flux_e: electrons as f32,
+            atmosphere,
+            eye,
+            science,
+            device,
+            mirror,
+            pending: flat.into(),
+            origins: reconstructor.origins().iter().map(|o| o.map(usize::from)).collect(),
+            expected_e: vec![0.0; pixels],
+            pixels: vec![0; pixels],
+            pupil,
+            frame: 0,
+        })
+    }
+
+    /// Exposes one frame, lets the firmware answer and moves the mirror.
+    ///
+    /// # Errors
+    /// [`Error::Run`] if the board or the detector refuses the frame.
+    pub fn step(&mut self) -> Result<Step<'_>, Error> {
+        let (frame, time_s) = (self.frame, f64::from(self.frame) * self.frame_s);
+        let observation = self.science.observe(&self.atmosphere, time_s, &self.mirror);
+        let report = match &mut self.eye {
+            Eye::Images { camera, images } => {
+                camera.expose(&self.atmosphere, time_s, &self.mirror, images);
+                let (detector, window) = (self.reconstructor.detector(), camera.window());
+                let width = detector.spec().width;
+                self.expected_e.fill(0.0);
+                let expected = &mut self.expected_e;
+                crate::detector::place(images, self.flux_e, &self.origins, window, width, expected)?;
+                if self.run.noise_free {
+                    detector.read_noise_free(expected, &mut self.pixels)?;
+                } else {
+                    let number = u64::from(frame);
+                    detector.read(expected, number, self.run.seed, &mut self.pixels)?;
+                }
+                self.board.frame(frame, Frame::Pixels(&self.pixels))?
+            }
+            Eye::Gradients { sensor, centroids } => {
+                sensor.centroids(&self.atmosphere, time_s, &self.mirror, centroids);
+                let flux = self.reconstructor.nominal_flux();
+                let measurements: Vec<Measurement> =
+                    centroids.iter().map(|c| measurement(*c, flux)).collect();
+                self.board.frame(frame, Frame::Measurements(&measurements))?
+            }
+        };
+        self.pending.push_back(self.board.codes().to_vec());
+        if let Some(codes) = self.pending.pop_front() {
+            self.device.apply(&codes, &mut self.mirror);
+        }
+        self.frame += 1;
+        Ok(Step { frame, time_s, observation, pixels: &self.pixels, report })
+    }
+
+    /// The board.
+    pub fn board(&self) -> &dyn Board {
+        self.board
+    }
+
+    /// The pupil.
+    pub fn pupil(&self) -> &Pupil {
+        &self.pupil
+    }
+
+    /// The last detector frame, ADU, row-major; empty without images.
+    pub fn pixels(&self) -> &[u16] {
+        &self.pixels
+    }
+
+    /// The star's residual phase of the last step, rad at the science wavelength.
+    pub fn residual(&self) -> &[f32] {
+        self.science.residual()
+    }
+
+    /// The mirror's shape after the last step, rad at the sensing wavelength.
+    pub fn mirror(&self) -> &Mirror {
+        &self.mirror
+    }
+
+    /// Exact SPLASH centroids at the time of the next step with the mirror as it is, pixels.
+    ///
+    /// # Errors
+    /// As [`ClosedLoop::new`].
+    pub fn truth(&self, instrument: &Instrument) -> Result<TruthSensor, Error> {
+        let scale = instrument.windows.pixels_per_lambda_d;
+        let height_m = instrument.laser.beacon_height_m;
+        let sensor = self.run.sensor;
+        let sensor = GeometricSensor::new(sensor, &self.pupil, &self.atmosphere, height_m, scale)?;
+        Ok(TruthSensor { sensor, centroids: vec![[0.0; 2]; self.pupil.subapertures().len()] })
+    }
+
+    /// Measures with `sensor` what the next step's frame will show.
+    pub fn look<'s>(&self, sensor: &'s mut TruthSensor) -> &'s [[f64; 2]] {
+        let time_s = f64::from(self.frame) * self.frame_s;
+        sensor.sensor.centroids(&self.atmosphere, time_s, &self.mirror, &mut sensor.centroids);
+        &sensor.centroids
+    }
+}
+
+/// A geometric sensor beside the one in the loop.
+pub struct TruthSensor {
+    sensor: GeometricSensor,
+    centroids: Vec<[f64; 2]>,
+}
+
+/// A noiseless measurement of a centroid, pixels, with the flux of a spot.
+fn measurement(centroid_px: [f64; 2], flux: u32) -> Measurement {
+    let scale = f64::from(1u32 << CENTROID_BITS);
+    // A centroid beyond any window is one at its edge; the cast saturates.
+    let centroid_q16 = centroid_px.map(|c| (c.clamp(-32.0, 32.0) * scale).round() as i32);
+    Measurement { centroid_q16, flux, peak: 0, saturated: 0 }
+}

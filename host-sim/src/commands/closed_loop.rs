@@ -1,0 +1,296 @@
+//! `host-sim loop`: the closed loop, its numbers and its pictures.
+
+use super::{output, progress};
+use crate::board::in_process;
+use crate::cli::LoopArgs;
+use crate::closed_loop::{ClosedLoop, Run, Sensing};
+use crate::error::{Error, refuse};
+use crate::figures::{self, WindowMark};
+use crate::files::csv::SeriesWriter;
+use crate::files::fits::{CubeWriter, FitsWriter};
+use crate::instrument::Instrument;
+use crate::optics::long_exposure::LongExposure;
+use crate::reconstructor::Reconstructor;
+use crate::summary::{CodeDigest, Series, faults};
+use serde::Serialize;
+use splash_firmware::fixed::CENTROID_BITS;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Instant;
+
+/// Arcseconds in a radian.
+const ARCSEC: f64 = 180.0 * 3600.0 / std::f64::consts::PI;
+
+/// The JSON of `host-sim loop`.
+#[derive(Debug, Serialize)]
+struct LoopResult {
+    n: usize,
+    sensor: &'static str,
+    board: &'static str,
+    frames: u32,
+    strehl: f64,
+    strehl_se: f64,
+    variance_rad2: f64,
+    frames_per_second: f64,
+    digest: String,
+    faults: BTreeMap<&'static str, u32>,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// [`Error`] with the exit code that fits.
+pub fn run(args: &LoopArgs) -> Result<(), Error> {
+    if args.settle >= args.run.frames {
+        let limit = format!("less than --frames = {}", args.run.frames);
+        return Err(refuse("--settle", args.settle, &limit));
+    }
+    let instrument = args.run.instrument()?;
+    let reconstructor = Reconstructor::new(&instrument)?;
+    let mut board = in_process(&reconstructor.spec())?;
+    let run = Run {
+        sensor: args.sensor.sensor(),
+        sensing: args.sensing,
+        frames: args.run.frames,
+        seed: args.run.seed,
+        noise_free: args.run.noise_free,
+    };
+    let (bar, mut turbulence) = progress::fraction("turbulence");
+    let mut closed =
+        ClosedLoop::new(&instrument, &reconstructor, board.as_mut(), run, &mut turbulence)?;
+    bar.finish_and_clear();
+
+    let directory = output::directory(args.output.out.as_deref(), "loop")?;
+    let mut files = Files::create(&directory, &instrument, &reconstructor, run)?;
+    let mut series = Series::default();
+    let mut digest = CodeDigest::default();
+    let mut exposure = LongExposure::new(closed.pupil());
+    let bar = progress::bar(u64::from(run.frames), "closed loop", "frames");
+    let start = Instant::now();
+    let mut simulated = std::time::Duration::ZERO;
+    for frame in 0..run.frames {
+        let before = Instant::now();
+        let step = closed.step()?;
+        simulated += before.elapsed();
+        series.push(step.time_s, &step.observation, step.report);
+        if run.frames - frame <= args.keep {
+            files.keep_pixels(frame, step.pixels)?;
+            files.keep_phase(closed.residual())?;
+        }
+        if frame >= args.settle {
+            exposure.add(closed.residual());
+        }
+        digest.add(closed.board().codes());
+        files.commands.push(closed.board().codes().as_flattened())?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+
+    let settle = args.settle as usize;
+    let strehl = series.mean_strehl(settle);
+    let result = LoopResult {
+        n: instrument.telescope.subapertures,
+        sensor: args.sensor.name(),
+        board: args.board.name(),
+        frames: run.frames,
+        strehl: strehl.mean,
+        strehl_se: strehl.standard_error,
+        variance_rad2: series.mean_variance(settle).mean,
+        frames_per_second: f64::from(run.frames) / simulated.as_secs_f64(),
+        digest: digest.hex(),
+        faults: faults(&closed.board().totals()),
+    };
+    files.finish()?;
+    write_series(&directory, &series, settle)?;
+    draw(&directory, &closed, &reconstructor, &instrument, &series, settle)?;
+    draw_psf(&directory, &exposure, &instrument)?;
+    output::report(
+        args.output.json,
+        &result,
+        &[
+            ("subapertures", format!("{} across, {} in the pupil", result.n, closed.pupil().subapertures().len())),
+            ("sensor", format!("{}, {:?}", result.sensor, args.sensing).to_lowercase()),
+            ("frames", format!("{} at {} ms, {} to settle", result.frames, 1e3 * instrument.frame_s(), args.settle)),
+            ("Strehl ratio", format!("{:.4} +- {:.4}, long exposure {:.4}", result.strehl, result.strehl_se, exposure.strehl())),
+            ("residual variance", format!("{:.4} rad^2", result.variance_rad2)),
+            ("speed", format!("{:.0} frames/s of the loop, {:.1} s in all", result.frames_per_second, start.elapsed().as_secs_f64())),
+            ("faults", output::faults_in_words(&result.faults)),
+            ("digest", result.digest.clone()),
+            ("pictures and files", directory.display().to_string()),
+        ],
+    )
+}
+
+/// The FITS files that grow with the run.
+struct Files {
+    commands: CubeWriter<u16>,
+    phases: CubeWriter<f32>,
+    frames: Option<CubeWriter<u16>>,
+    first: Option<u32>,
+}
+
+impl Files {
+    fn create(
+        directory: &Path,
+        instrument: &Instrument,
+        reconstructor: &Reconstructor,
+        run: Run,
+    ) -> Result<Self, Error> {
+        let header = |unit| output::header(instrument, run.seed, unit);
+        let cube = |name: &str| FitsWriter::create(directory.join(name));
+        let segments = reconstructor.mask().count();
+        let side = instrument.telescope.subapertures * instrument.telescope.samples;
+        let detector = instrument.detector_side();
+        let frames = match run.sensing {
+            Sensing::Geometric => None,
+            Sensing::Images => {
+                let last = header("ADU").with("CONTENT", "last frames of the run", "");
+                Some(cube("frames.fits")?.cube("FRAMES", [detector, detector], &last)?)
+            }
+        };
+        Ok(Self {
+            commands: cube("commands.fits")?.cube("CODES", [3, segments], &header("DAC code"))?,
+            phases: cube("phases.fits")?.cube("RESIDUAL", [side, side], &header("rad"))?,
+            frames,
+            first: None,
+        })
+    }
+
+    fn keep_pixels(&mut self, frame: u32, pixels: &[u16]) -> Result<(), Error> {
+        self.first.get_or_insert(frame);
+        match &mut self.frames {
+            Some(frames) => Ok(frames.push(pixels)?),
+            None => Ok(()),
+        }
+    }
+
+    fn keep_phase(&mut self, phase: &[f32]) -> Result<(), Error> {
+        Ok(self.phases.push(phase)?)
+    }
+
+    fn finish(self) -> Result<(), Error> {
+        self.commands.finish()?.finish()?;
+        self.phases.finish()?.finish()?;
+        if let Some(frames) = self.frames {
+            frames.finish()?.finish()?;
+        }
+        Ok(())
+    }
+}
+
+/// All series, one line a frame.
+fn write_series(directory: &Path, series: &Series, settle: usize) -> Result<(), Error> {
+    let columns = [
+        "frame",
+        "time_s",
+        "strehl",
+        "mean_strehl",
+        "variance_rad2",
+        "valid_subapertures",
+        "saturated_pixels",
+        "saturated_actuators",
+        "slewed_actuators",
+        "solver_residual_squared",
+    ];
+    let mut file = SeriesWriter::create(directory.join("series.csv"), &columns)?;
+    let running = series.running_strehl(settle);
+    for (k, report) in series.reports.iter().enumerate() {
+        file.push(&[
+            k as f64,
+            series.time_s[k],
+            series.strehl[k],
+            running[k],
+            series.variance_rad2[k],
+            f64::from(report.valid),
+            f64::from(report.saturated_pixels),
+            f64::from(report.saturated_actuators),
+            f64::from(report.slewed_actuators),
+            report.residual_squared as f64,
+        ])?;
+    }
+    Ok(file.finish()?)
+}
+
+/// The detector, the mirror, the residual phase and the Strehl ratio against time.
+fn draw(
+    directory: &Path,
+    closed: &ClosedLoop<'_>,
+    reconstructor: &Reconstructor,
+    instrument: &Instrument,
+    series: &Series,
+    settle: usize,
+) -> Result<(), Error> {
+    let at = |name: &str| directory.join(name);
+    let pupil = closed.pupil();
+    let (side, window) = (instrument.detector_side(), instrument.windows.size);
+    let limits = closed.board().slopes();
+    let marks: Vec<WindowMark> = reconstructor
+        .origins()
+        .iter()
+        .zip(closed.board().measurements())
+        .zip(limits)
+        .map(|((&[x0, y0], measurement), slope)| {
+            let centre = (window as f64 - 1.0) / 2.0;
+            let place = |origin: u16, c: i32| {
+                f64::from(origin) + centre + f64::from(c) / f64::from(1u32 << CENTROID_BITS)
+            };
+            let [cx, cy] = measurement.centroid_q16;
+            WindowMark {
+                x0: usize::from(x0),
+                y0: usize::from(y0),
+                size: window,
+                centroid: slope.valid.then(|| [place(x0, cx), place(y0, cy)]),
+                valid: slope.valid,
+            }
+        })
+        .collect();
+    if !closed.pixels().is_empty() {
+        let title = "last detector frame (ADU), windows and centroids";
+        figures::detector_frame(at("detector.svg"), closed.pixels(), side, side, &marks, title)?;
+    }
+    let across = pupil.across();
+    let mut pistons = vec![None; across * across];
+    let nm_per_rad = 1e9 / instrument.rad_per_m();
+    for (&[x, y], [piston, _, _]) in pupil.subapertures().iter().zip(&closed.mirror().segments) {
+        pistons[y * across + x] = Some(piston * nm_per_rad);
+    }
+    let title = "mirror pistons, last frame";
+    figures::segment_map(at("pistons.svg"), &pistons, across, "piston, optical path (nm)", title)?;
+    let samples = pupil.side();
+    let inside: Vec<bool> =
+        (0..samples * samples).map(|i| pupil.illuminates(i / samples, i % samples)).collect();
+    let title = "residual phase, last frame";
+    let extent_m = pupil.diameter_m();
+    figures::phase_map(at("residual.svg"), closed.residual(), samples, &inside, extent_m, title)?;
+    let (times, running) = (&series.time_s, series.running_strehl(settle));
+    let settle_s = settle as f64 * instrument.frame_s();
+    let title = "Strehl ratio, piston, tip and tilt removed";
+    figures::strehl_series(at("strehl.svg"), times, &series.strehl, &running, settle_s, title)?;
+    Ok(())
+}
+
+/// The long exposure, and the same as FITS.
+fn draw_psf(
+    directory: &Path,
+    exposure: &LongExposure,
+    instrument: &Instrument,
+) -> Result<(), Error> {
+    let (side, image) = (exposure.side(), exposure.image());
+    let diameter_m = instrument.telescope.pitch_m * instrument.telescope.subapertures as f64;
+    let lambda_d = instrument.science.wavelength_m / diameter_m * ARCSEC;
+    let arcsec_per_px = exposure.pixel_in_lambda_over_diameter() * lambda_d;
+    // The corrected core and its halo: 2 N lambda/D across reaches beyond the control radius.
+    let half = (instrument.telescope.subapertures as f64
+        / exposure.pixel_in_lambda_over_diameter())
+    .ceil() as usize;
+    let (first, crop) = (side / 2 - half.min(side / 2), 2 * half.min(side / 2));
+    let rows = image.chunks_exact(side).skip(first).take(crop);
+    let core: Vec<f32> = rows.flat_map(|row| row[first..first + crop].iter().copied()).collect();
+    let title = "long exposure";
+    figures::psf(directory.join("psf.svg"), &core, crop, arcsec_per_px, title)?;
+    let header = output::header(instrument, 0, "fraction of diffraction limit")
+        .with("PIXSCALE", arcsec_per_px, "[arcsec] pixel");
+    let mut file = FitsWriter::create(directory.join("psf.fits"))?;
+    file.image("PSF", &[side, side], &header, &image)?;
+    Ok(file.finish()?)
+}

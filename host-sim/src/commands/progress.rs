@@ -1,0 +1,21 @@
+//! Progress bars on stderr; invisible where there is no terminal.
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// A bar over `length` steps of something called `unit`.
+pub(super) fn bar(length: u64, what: &'static str, unit: &str) -> ProgressBar {
+    let template = format!(
+        "{{msg:<12}} {{wide_bar:.cyan/blue}} {{pos}}/{{len}} {unit} {{per_sec}} {{eta}} left"
+    );
+    // The template is fixed; were it wrong, a plain bar would do.
+    let style = ProgressStyle::with_template(&template)
+        .unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::new(length).with_style(style).with_message(what)
+}
+
+/// A bar from 0 to 100 %, and what moves it to a fraction.
+pub(super) fn fraction(what: &'static str) -> (ProgressBar, impl FnMut(f64)) {
+    let progress = bar(100, what, "%");
+    let moved = progress.clone();
+    (progress, move |done: f64| moved.set_position((100.0 * done) as u64))
+}

@@ -1,0 +1,111 @@
+//! `host-sim replay`: recorded frames through the firmware library.
+
+use super::{output, progress};
+use crate::board::{Frame, in_process};
+use crate::cli::ReplayArgs;
+use crate::error::{Error, refuse};
+use crate::files::csv::SeriesWriter;
+use crate::files::fits::{FitsError, FitsReader, FitsWriter};
+use crate::instrument::Instrument;
+use crate::reconstructor::Reconstructor;
+use crate::summary::{CodeDigest, faults};
+use serde::Serialize;
+use splash_firmware::fixed::CENTROID_BITS;
+use std::collections::BTreeMap;
+
+/// The JSON of `host-sim replay`.
+#[derive(Debug, Serialize)]
+struct ReplayResult {
+    frames: u32,
+    digest: String,
+    faults: BTreeMap<&'static str, u32>,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// [`Error`] with the exit code that fits.
+pub fn run(args: &ReplayArgs) -> Result<(), Error> {
+    let unusable = |error: FitsError| Error::Config(error.to_string());
+    let mut file = FitsReader::open(&args.file).map_err(unusable)?;
+    let name = args.file.display().to_string();
+    let instrument = match &args.config {
+        Some(config) => Instrument::load(config)?,
+        None => {
+            let place = file.find("CONFIG").map_err(unusable)?;
+            Instrument::parse(&file.text(place).map_err(unusable)?, &format!("{name}[CONFIG]"))?
+        }
+    };
+    let reconstructor = Reconstructor::new(&instrument)?;
+    let mut board = in_process(&reconstructor.spec())?;
+    let mut cube = file.cube::<u16>(0).map_err(unusable)?;
+    let side = instrument.detector_side();
+    let [columns, rows] = cube.frame_shape();
+    if [columns, rows] != [side, side] {
+        let limit = format!("the configuration's {side} x {side} pixels");
+        return Err(refuse(&format!("{name}: frame"), format!("{columns} x {rows} pixels"), &limit));
+    }
+
+    let directory = output::directory(args.output.out.as_deref(), "replay")?;
+    let header = output::header(&instrument, 0, "DAC code");
+    let segments = reconstructor.mask().count();
+    let mut commands = FitsWriter::create(directory.join("commands.fits"))?
+        .cube::<u16>("CODES", [3, segments], &header)?;
+    let columns = [
+        "frame",
+        "subaperture",
+        "code_0",
+        "code_1",
+        "code_2",
+        "centroid_x_px",
+        "centroid_y_px",
+        "flux",
+        "valid",
+        "piston_nm",
+        "tip_nm",
+        "tilt_nm",
+    ];
+    let mut series = SeriesWriter::create(directory.join("commands.csv"), &columns)?;
+    let mut digest = CodeDigest::default();
+    let total = cube.frames();
+    let mut pixels = vec![0; side * side];
+    let bar = progress::bar(total as u64, "replay", "frames");
+    let px = 1.0 / f64::from(1u32 << CENTROID_BITS);
+    let nm = 1e9 * board.ulp_m();
+    for frame in 0..total as u32 {
+        cube.next_frame(&mut pixels).map_err(unusable)?;
+        board.frame(frame, Frame::Pixels(&pixels))?;
+        digest.add(board.codes());
+        commands.push(board.codes().as_flattened())?;
+        let seen = board.measurements().iter().zip(board.slopes());
+        let moved = board.codes().iter().zip(board.positions());
+        for (i, ((measurement, slope), (codes, position))) in seen.zip(moved).enumerate() {
+            let [c0, c1, c2] = codes.map(f64::from);
+            let [cx, cy] = measurement.centroid_q16.map(|c| f64::from(c) * px);
+            let [tip, tilt] = position.tilt_ulp.map(|t| f64::from(t) * nm);
+            let piston = f64::from(position.piston_ulp) * nm;
+            let (flux, valid) = (f64::from(measurement.flux), f64::from(u8::from(slope.valid)));
+            let (frame, i) = (f64::from(frame), i as f64);
+            series.push(&[frame, i, c0, c1, c2, cx, cy, flux, valid, piston, tip, tilt])?;
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    commands.finish()?.finish()?;
+    series.finish()?;
+    let result = ReplayResult {
+        frames: total as u32,
+        digest: digest.hex(),
+        faults: faults(&board.totals()),
+    };
+    output::report(
+        args.output.json,
+        &result,
+        &[
+            ("frames", result.frames.to_string()),
+            ("faults", output::faults_in_words(&result.faults)),
+            ("digest", result.digest.clone()),
+            ("files", directory.display().to_string()),
+        ],
+    )
+}

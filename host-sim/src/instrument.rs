@@ -1,0 +1,344 @@
+//! The instrument description: a TOML file, laid over the default one.
+//!
+//! [`DEFAULT_TOML`] is both the documentation of every field and its default: a user's file is
+//! merged over it, table by table, and unknown names are refused. Values are checked where they
+//! are used: by the optics, by the detector and by the firmware's configuration.
+
+use crate::atmosphere::Layer;
+use crate::detector::BadPixel;
+use crate::error::{Error, refuse};
+use crate::pupil::Pupil;
+use serde::{Deserialize, Serialize};
+use splash_firmware::geometry::Mask;
+use std::path::Path;
+
+/// The default instrument, with a comment for every field.
+pub const DEFAULT_TOML: &str = include_str!("default.toml");
+
+/// An instrument. Fields are documented in [`DEFAULT_TOML`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct Instrument {
+    pub telescope: Telescope,
+    pub atmosphere: AtmosphereSection,
+    pub laser: Laser,
+    pub science: ScienceSection,
+    pub detector: DetectorSection,
+    pub windows: Windows,
+    pub centroids: Centroids,
+    pub control: ControlSection,
+    pub mirror: MirrorSection,
+}
+
+/// Pupil and subapertures.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct Telescope {
+    pub subapertures: usize,
+    pub pitch_m: f64,
+    pub pupil: PupilShape,
+    pub obstruction: f64,
+    pub spider: bool,
+    pub samples: usize,
+}
+
+/// The pupil's outline: a name, or one string a row with `#` for a subaperture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum PupilShape {
+    Named(PupilName),
+    Rows(Vec<String>),
+}
+
+/// A pupil that needs no drawing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum PupilName {
+    Circle,
+    Square,
+    Annulus,
+}
+
+/// Turbulence.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct AtmosphereSection {
+    pub r0_m: f64,
+    pub layers: Vec<LayerSection>,
+}
+
+/// A turbulent layer.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct LayerSection {
+    pub weight: f64,
+    pub height_m: f64,
+    pub wind_speed_m_per_s: f64,
+    pub wind_direction_deg: f64,
+}
+
+/// The laser, its beacon and the range gate.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct Laser {
+    pub wavelength_m: f64,
+    pub beacon_height_m: f64,
+    pub gate_depth_m: f64,
+    pub zenith_angle_deg: f64,
+    pub pulse_rate_hz: f64,
+    pub pulses_per_frame: u32,
+    pub electrons_per_spot: f64,
+}
+
+/// The science camera.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct ScienceSection {
+    pub wavelength_m: f64,
+}
+
+/// The wavefront sensor's detector.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct DetectorSection {
+    pub bits: u32,
+    pub gain_e_per_adu: f64,
+    pub read_noise_e: f64,
+    pub dark_e_per_frame: f64,
+    pub bias_adu: f64,
+    pub full_well_e: f64,
+    pub response_rms: f64,
+    pub bad_pixels: Vec<BadPixel>,
+    pub readout_s: f64,
+}
+
+/// The windows on the detector.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct Windows {
+    pub size: usize,
+    pub spacing_px: usize,
+    pub pixels_per_lambda_d: f64,
+}
+
+/// The centroid's estimator.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct Centroids {
+    pub estimator: EstimatorName,
+    pub threshold_sigma: f64,
+    pub threshold: ThresholdName,
+    pub peak_fraction: f64,
+    pub weight_fwhm_px: f64,
+    pub weight_gain: f64,
+    pub brightest: u16,
+    pub flux_min: f64,
+    pub flux_max: f64,
+}
+
+/// Which estimator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum EstimatorName {
+    Thresholded,
+    Plain,
+    Weighted,
+    Brightest,
+}
+
+/// What a threshold does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum ThresholdName {
+    Subtract,
+    ZeroBelow,
+}
+
+/// The control law.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct ControlSection {
+    pub gain: f64,
+    pub lever_arm: f64,
+    pub delay_frames: u8,
+    pub sweeps: u16,
+}
+
+/// The segmented mirror.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct MirrorSection {
+    pub stroke_m: f64,
+    pub actuator_radius: f64,
+    pub response: ResponseName,
+    pub dac_bits: u8,
+    pub slew_m_per_frame: f64,
+}
+
+/// How an actuator answers its code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum ResponseName {
+    Linear,
+    Quadratic,
+}
+
+impl Instrument {
+    /// The default instrument.
+    ///
+    /// # Errors
+    /// None in practice: a test reads the default.
+    pub fn standard() -> Result<Self, Error> {
+        Self::parse("", "default")
+    }
+
+    /// The instrument described in `file`, laid over the default.
+    ///
+    /// # Errors
+    /// [`Error::Config`] if the file cannot be read, is not TOML, or has a field that is unknown
+    /// or of the wrong type.
+    pub fn load(file: &Path) -> Result<Self, Error> {
+        let name = file.display().to_string();
+        let text = std::fs::read_to_string(file)
+            .map_err(|source| Error::Config(format!("{name}: {source}")))?;
+        Self::parse(&text, &name)
+    }
+
+    /// The instrument in a TOML text that is called `name` in errors.
+    ///
+    /// # Errors
+    /// As [`Instrument::load`].
+    pub fn parse(text: &str, name: &str) -> Result<Self, Error> {
+        let table = |text: &str| {
+            text.parse::<toml::Table>().map_err(|error| Error::Config(one_line(name, &error)))
+        };
+        let mut merged = table(DEFAULT_TOML)?;
+        lay_over(&mut merged, table(text)?);
+        merged.try_into().map_err(|error| Error::Config(one_line(name, &error)))
+    }
+
+    /// The description as TOML, complete.
+    ///
+    /// # Errors
+    /// [`Error::Run`] if it cannot be written, which no instrument does.
+    pub fn to_toml(&self) -> Result<String, Error> {
+        toml::to_string(self).map_err(|error| Error::Run(error.to_string()))
+    }
+
+    /// The mask of subapertures.
+    ///
+    /// # Errors
+    /// [`Error::Config`] if the pupil cannot be.
+    pub fn mask(&self) -> Result<Mask, Error> {
+        let Telescope { subapertures: across, pupil, obstruction, spider, .. } = &self.telescope;
+        let mask = match pupil {
+            PupilShape::Named(PupilName::Circle) => Mask::circle(*across)?,
+            PupilShape::Named(PupilName::Square) => Mask::square(*across)?,
+            PupilShape::Named(PupilName::Annulus) => Mask::annulus(*across, *obstruction)?,
+            PupilShape::Rows(rows) => {
+                let cell = |x: usize, y: usize| rows[y].as_bytes()[x] == b'#';
+                let widths = rows.iter().map(String::len).chain([rows.len()]);
+                if let Some(wrong) = widths.into_iter().find(|width| width != across) {
+                    let limit = format!("telescope.subapertures = {across} rows of that length");
+                    return Err(refuse("telescope.pupil", wrong, &limit));
+                }
+                if rows.iter().any(|row| row.bytes().any(|cell| cell != b'#' && cell != b'.')) {
+                    return Err(refuse("telescope.pupil", "a row", "made of '#' and '.'"));
+                }
+                Mask::from_fn(*across, cell)?
+            }
+        };
+        let mask = if *spider { mask.with_spider() } else { mask };
+        if mask.count() == 0 {
+            return Err(refuse("telescope.pupil", 0, "at least one subaperture"));
+        }
+        Ok(mask)
+    }
+
+    /// The pupil that the optics sample.
+    ///
+    /// # Errors
+    /// [`Error::Config`] if a value is out of its range.
+    pub fn pupil(&self) -> Result<Pupil, Error> {
+        let (mask, across) = (self.mask()?, self.telescope.subapertures);
+        let cells = (0..across * across).map(|i| mask.contains(i % across, i / across)).collect();
+        Ok(Pupil::new(across, self.telescope.samples, self.telescope.pitch_m, cells)?)
+    }
+
+    /// The turbulent layers.
+    pub fn layers(&self) -> Vec<Layer> {
+        let layer = |l: &LayerSection| Layer {
+            weight: l.weight,
+            height_m: l.height_m,
+            wind_speed_m_per_s: l.wind_speed_m_per_s,
+            wind_direction_deg: l.wind_direction_deg,
+        };
+        self.atmosphere.layers.iter().map(layer).collect()
+    }
+
+    /// First column and row of each subaperture's window: edge to edge, or spread out with empty
+    /// pixels all around.
+    ///
+    /// # Errors
+    /// [`Error::Config`] if windows would overlap or the detector would be larger than any.
+    pub fn origins(&self) -> Result<Vec<[u16; 2]>, Error> {
+        let Windows { size, spacing_px, .. } = self.windows;
+        if spacing_px < size || self.detector_side() > 4096 {
+            let limit = format!(
+                "from windows.size = {size} to 4096 / telescope.subapertures = {}",
+                4096 / self.telescope.subapertures.max(1)
+            );
+            return Err(refuse("windows.spacing_px", spacing_px, &limit));
+        }
+        let place = |i: usize| (i * spacing_px + (spacing_px - size) / 2) as u16;
+        Ok(self.mask()?.cells().map(|(x, y)| [place(x), place(y)]).collect())
+    }
+
+    /// Pixels on a side of the detector.
+    pub fn detector_side(&self) -> usize {
+        self.telescope.subapertures.saturating_mul(self.windows.spacing_px)
+    }
+
+    /// Time from one frame to the next, s.
+    pub fn frame_s(&self) -> f64 {
+        f64::from(self.laser.pulses_per_frame) / self.laser.pulse_rate_hz
+    }
+
+    /// Phase at the laser's wavelength per metre of optical path, rad/m.
+    pub fn rad_per_m(&self) -> f64 {
+        std::f64::consts::TAU / self.laser.wavelength_m
+    }
+}
+
+/// Lays `over` on `base`: tables are merged, anything else is replaced.
+fn lay_over(base: &mut toml::Table, over: toml::Table) {
+    for (key, value) in over {
+        match (base.get_mut(&key), value) {
+            (Some(toml::Value::Table(base)), toml::Value::Table(over)) => lay_over(base, over),
+            (_, value) => {
+                base.insert(key, value);
+            }
+        }
+    }
+}
+
+/// What a TOML error says, without the excerpt that spreads it over lines.
+fn one_line(name: &str, error: &toml::de::Error) -> String {
+    format!("{name}: {}", error.message().replace('\n', " "))
+}

@@ -1,0 +1,142 @@
+//! From the transfer function's lags to the detector's pixels.
+
+use super::lane_fft::LANES;
+use super::otf::Lags;
+use pulp::Simd;
+
+/// Nodes and weights of eight-point Gauss-Legendre quadrature on (0, 1): the positive half.
+const GAUSS: [[f64; 2]; 4] = [
+    [0.183_434_642_495_649_8, 0.362_683_783_378_362],
+    [0.525_532_409_916_329, 0.313_706_645_877_887_3],
+    [0.796_666_477_413_626_7, 0.222_381_034_453_374_5],
+    [0.960_289_856_497_536_2, 0.101_228_536_290_376_3],
+];
+
+/// Intensity I(theta) = sum over lags l of OTF(l) exp(-2 pi i l u) sinc^2(pi u), u = theta d/(n
+/// lambda), integrated over the pixels of a square window.
+///
+/// The lags are d/n apart. Between them the OTF is interpolated linearly, hence the sinc^2: it is
+/// what a flat wavefront over a square subaperture has exactly, and without it the image would
+/// repeat itself every n lambda/d, well inside a large window. A positive gradient moves the spot
+/// to +x, +y. Pixel centres are at k - (W-1)/2; the sum over an infinite plane is OTF(0).
+pub(crate) struct FocalPlane {
+    samples: usize,
+    window: usize,
+    /// Window width in whole groups of lanes.
+    padded: usize,
+    /// Integral of the kernel over the pixel, `[lx + n - 1][column]`.
+    x_re: Vec<f32>,
+    x_im: Vec<f32>,
+    /// The same along y with the lags ly < 0 folded in, `[row][ly]`.
+    y_re: Vec<f32>,
+    y_im: Vec<f32>,
+}
+
+/// Buffers of [`FocalPlane::image`].
+pub(crate) struct FocalPlaneScratch {
+    /// Transformed along x, `[ly][column]`.
+    rows: [Vec<f32>; 2],
+    line: Vec<f32>,
+}
+
+impl FocalPlane {
+    /// A window of `window` x `window` pixels, `pixels_per_lambda_d` of them in lambda/d.
+    pub(crate) fn new(samples: usize, window: usize, pixels_per_lambda_d: f64) -> Self {
+        let padded = window.next_multiple_of(LANES);
+        let pixel = 1.0 / (samples as f64 * pixels_per_lambda_d);
+        let kernel = |lag: i64, k: usize| -> [f64; 2] {
+            let centre = (k as f64 - (window as f64 - 1.0) / 2.0) * pixel;
+            let mut sum = [0.0; 2];
+            for [node, weight] in GAUSS {
+                for u in [centre - node * pixel / 2.0, centre + node * pixel / 2.0] {
+                    let envelope = weight / 2.0 * pixel * sinc(std::f64::consts::PI * u).powi(2);
+                    let (sin, cos) = (-std::f64::consts::TAU * lag as f64 * u).sin_cos();
+                    sum[0] += envelope * cos;
+                    sum[1] += envelope * sin;
+                }
+            }
+            sum
+        };
+        let (mut x_re, mut x_im) = (vec![], vec![]);
+        for lag in 1 - samples as i64..samples as i64 {
+            for k in 0..padded {
+                let [re, im] = if k < window { kernel(lag, k) } else { [0.0; 2] };
+                x_re.push(re as f32);
+                x_im.push(im as f32);
+            }
+        }
+        let (mut y_re, mut y_im) = (vec![], vec![]);
+        for k in 0..window {
+            for lag in 0..samples as i64 {
+                let both = if lag == 0 { 1.0 } else { 2.0 };
+                let [re, im] = kernel(lag, k);
+                y_re.push((both * re) as f32);
+                y_im.push((both * im) as f32);
+            }
+        }
+        Self { samples, window, padded, x_re, x_im, y_re, y_im }
+    }
+
+    pub(crate) fn scratch(&self) -> FocalPlaneScratch {
+        FocalPlaneScratch {
+            rows: [0; 2].map(|_| vec![0.0; self.samples * self.padded]),
+            line: vec![0.0; self.padded],
+        }
+    }
+
+    /// The image `[row][column]` of the transfer function `otf`.
+    #[inline(always)]
+    pub(crate) fn image<S: Simd>(
+        &self,
+        simd: S,
+        otf: &Lags,
+        scratch: &mut FocalPlaneScratch,
+        image: &mut [f32],
+    ) {
+        let FocalPlaneScratch { rows: [rows_re, rows_im], line } = scratch;
+        let lags = 2 * self.samples - 1;
+        for v in (0..self.padded).step_by(S::F32_LANES) {
+            let here = v..v + S::F32_LANES;
+            for ly in 0..self.samples {
+                let mut re = simd.splat_f32s(0.0);
+                let mut im = simd.splat_f32s(0.0);
+                for lx in 0..lags {
+                    let a_re = simd.splat_f32s(otf.re[ly * lags + lx]);
+                    let a_im = simd.splat_f32s(otf.im[ly * lags + lx]);
+                    let at = lx * self.padded;
+                    let k_re = S::as_simd_f32s(&self.x_re[at..][here.clone()]).0[0];
+                    let k_im = S::as_simd_f32s(&self.x_im[at..][here.clone()]).0[0];
+                    re = simd.mul_add_e_f32s(a_re, k_re, re);
+                    im = simd.mul_add_e_f32s(a_re, k_im, im);
+                    re = simd.negate_mul_add_e_f32s(a_im, k_im, re);
+                    im = simd.mul_add_e_f32s(a_im, k_re, im);
+                }
+                let at = ly * self.padded;
+                S::as_mut_simd_f32s(&mut rows_re[at..][here.clone()]).0[0] = re;
+                S::as_mut_simd_f32s(&mut rows_im[at..][here.clone()]).0[0] = im;
+            }
+        }
+        for (row, image) in image.chunks_exact_mut(self.window).enumerate() {
+            let y_re = &self.y_re[row * self.samples..][..self.samples];
+            let y_im = &self.y_im[row * self.samples..][..self.samples];
+            for v in (0..self.padded).step_by(S::F32_LANES) {
+                let here = v..v + S::F32_LANES;
+                let mut sum = simd.splat_f32s(0.0);
+                for (ly, (&k_re, &k_im)) in y_re.iter().zip(y_im).enumerate() {
+                    let at = ly * self.padded;
+                    let a_re = S::as_simd_f32s(&rows_re[at..][here.clone()]).0[0];
+                    let a_im = S::as_simd_f32s(&rows_im[at..][here.clone()]).0[0];
+                    sum = simd.mul_add_e_f32s(a_re, simd.splat_f32s(k_re), sum);
+                    sum = simd.negate_mul_add_e_f32s(a_im, simd.splat_f32s(k_im), sum);
+                }
+                S::as_mut_simd_f32s(&mut line[here]).0[0] = sum;
+            }
+            image.copy_from_slice(&line[..self.window]);
+        }
+    }
+}
+
+/// sin x / x
+fn sinc(x: f64) -> f64 {
+    if x == 0.0 { 1.0 } else { x.sin() / x }
+}

@@ -1,0 +1,215 @@
+//! Centroids as mean gradients of the wavefront, without diffraction.
+
+use super::OpticsError;
+use super::phase::Path;
+use super::sampling::{Footprint, Stencil};
+use super::splash_image::check_geometry;
+use crate::atmosphere::{Atmosphere, Flow};
+use crate::pupil::{Mirror, Pupil};
+use rayon::prelude::*;
+
+/// What the wavefront sensor looks at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sensor {
+    /// Spots launched through each subaperture and seen by the whole telescope.
+    Splash,
+    /// One laser beacon above the telescope, seen by each subaperture.
+    Lgs,
+    /// A star, seen by each subaperture.
+    Ngs,
+}
+
+/// The geometric model of a sensor. The gradient is averaged over the continuous wavefront: its
+/// mean over a square follows from the phase on the square's edges, its mean over the pupil from
+/// the phase on the outline of the pupil.
+pub struct GeometricSensor {
+    sensor: Sensor,
+    pupil: Pupil,
+    beacon_height_m: f64,
+    /// px per (rad per subaperture): lambda/(2 pi d) in pixels.
+    pixels_per_rad: f64,
+    /// The pupil's outline across x and across y.
+    outline: [Vec<Edge>; 2],
+    footprint: Footprint,
+}
+
+/// One side of a square that has no neighbour there.
+struct Edge {
+    /// Grid line, 0 to N, on which it lies.
+    line: usize,
+    /// Row (column) of subapertures along which it runs.
+    block: usize,
+    /// 1 where the pupil ends, -1 where it begins.
+    sign: f64,
+}
+
+/// Functionals of a layer along one axis for one spot position.
+struct AxisStencils {
+    /// The phase at the grid lines, N + 1.
+    lines: Vec<Stencil>,
+    /// The mean over the samples of a subaperture, N.
+    blocks: Vec<Stencil>,
+}
+
+impl GeometricSensor {
+    /// A `sensor` with a beacon (if it has one) at `beacon_height_m` and pixels of
+    /// lambda/(d `pixels_per_lambda_d`), for atmospheres like `atmosphere`.
+    pub fn new(
+        sensor: Sensor,
+        pupil: &Pupil,
+        atmosphere: &Atmosphere,
+        beacon_height_m: f64,
+        pixels_per_lambda_d: f64,
+    ) -> Result<Self, OpticsError> {
+        super::error::positive("pixels_per_lambda_d", pixels_per_lambda_d)?;
+        let beacon = (sensor != Sensor::Ngs).then_some(beacon_height_m);
+        check_geometry(pupil, atmosphere, beacon)?;
+        Ok(Self {
+            sensor,
+            pupil: pupil.clone(),
+            beacon_height_m,
+            pixels_per_rad: pixels_per_lambda_d / std::f64::consts::TAU,
+            outline: [0, 1].map(|axis| outline(pupil, axis)),
+            footprint: Footprint::default(),
+        })
+    }
+
+    /// Centroids [x, y] in pixels at `time_s` with `mirror` in the pupil, in the order of
+    /// [`Pupil::subapertures`].
+    ///
+    /// SPLASH: the mean gradient of phi_i - m over subaperture i less its mean over the pupil,
+    /// phi_i being the phase from spot i. Guide stars: the mean gradient over the subaperture.
+    /// The steps between segments carry no light and are not counted: a piston has no effect.
+    ///
+    /// # Panics
+    /// If `centroids` or `mirror` do not have one entry per subaperture, or `time_s` is outside
+    /// the atmosphere's duration.
+    pub fn centroids(
+        &mut self,
+        atmosphere: &Atmosphere,
+        time_s: f64,
+        mirror: &Mirror,
+        centroids: &mut [[f64; 2]],
+    ) {
+        let subapertures = self.pupil.subapertures().len();
+        assert_eq!(centroids.len(), subapertures, "centroids");
+        assert_eq!(mirror.segments.len(), subapertures, "mirror segments");
+        centroids.fill([0.0; 2]);
+        for flow in &atmosphere.flows {
+            self.footprint.cut(flow, atmosphere, time_s);
+            self.add_layer(flow, centroids);
+        }
+        let mean = self.mean_tilt(mirror);
+        for (centroid, segment) in centroids.iter_mut().zip(&mirror.segments) {
+            for axis in 0..2 {
+                // The edges of a segment differ by twice its centre-to-edge phase.
+                centroid[axis] -= 2.0 * (segment[axis + 1] - mean[axis]);
+                centroid[axis] *= self.pixels_per_rad;
+            }
+        }
+    }
+
+    /// The part of the mirror's tip and tilt that the sensor cannot see.
+    fn mean_tilt(&self, mirror: &Mirror) -> [f64; 2] {
+        if self.sensor != Sensor::Splash {
+            return [0.0; 2];
+        }
+        [1, 2].map(|k| {
+            let sum: f64 = mirror.segments.iter().map(|segment| segment[k]).sum();
+            sum / mirror.segments.len() as f64
+        })
+    }
+
+    /// Adds one layer's gradients in rad per subaperture.
+    fn add_layer(&self, flow: &Flow, centroids: &mut [[f64; 2]]) {
+        let across = self.pupil.across();
+        // Only SPLASH sees a layer above the ground from as many places as it has spots.
+        let places = self.sensor == Sensor::Splash && flow.height_m > 0.0;
+        let stencils = |axis: usize| -> Vec<AxisStencils> {
+            let positions = if places { 0..across } else { 0..1 };
+            let position = |index| if places { self.pupil.centre_m(index) } else { 0.0 };
+            positions.map(|index| self.stencils(axis, flow.height_m, position(index))).collect()
+        };
+        let (along_x, along_y) = (stencils(0), stencils(1));
+        let pupil_mean = |x: &AxisStencils, y: &AxisStencils| match self.sensor {
+            Sensor::Splash => [0, 1].map(|axis| self.pupil_gradient(axis, x, y)),
+            Sensor::Lgs | Sensor::Ngs => [0.0; 2],
+        };
+        let shared = (!places).then(|| pupil_mean(&along_x[0], &along_y[0]));
+        centroids.par_iter_mut().zip(self.pupil.subapertures()).for_each(
+            |(centroid, &[ix, iy])| {
+                let (x, y) =
+                    if places { (&along_x[ix], &along_y[iy]) } else { (&along_x[0], &along_y[0]) };
+                let mean = shared.unwrap_or_else(|| pupil_mean(x, y));
+                let edges = |axis: usize| {
+                    let across_x =
+                        |line: usize| self.footprint.integrate(&x.lines[line], &y.blocks[iy]);
+                    let across_y =
+                        |line: usize| self.footprint.integrate(&x.blocks[ix], &y.lines[line]);
+                    match axis {
+                        0 => across_x(ix + 1) - across_x(ix),
+                        _ => across_y(iy + 1) - across_y(iy),
+                    }
+                };
+                for axis in 0..2 {
+                    centroid[axis] += edges(axis) - mean[axis];
+                }
+            },
+        );
+    }
+
+    fn stencils(&self, axis: usize, height_m: f64, position_m: f64) -> AxisStencils {
+        let path = match self.sensor {
+            Sensor::Ngs => Path::Star,
+            Sensor::Splash | Sensor::Lgs => {
+                Path::Beacon { height_m: self.beacon_height_m, position_m: [position_m; 2] }
+            }
+        };
+        let (scale, shift) = path.through(height_m);
+        let at_layer = |pupil_m: f64| scale * pupil_m + shift[axis];
+        let pupil = &self.pupil;
+        let (across, samples) = (pupil.across(), pupil.samples());
+        let line_m = |line: usize| (line as f64 - across as f64 / 2.0) * pupil.pitch_m();
+        let lines = (0..=across).map(|line| self.footprint.mean(axis, &[at_layer(line_m(line))]));
+        let blocks = (0..across).map(|block| {
+            let offsets: Vec<f64> = (block * samples..(block + 1) * samples)
+                .map(|k| at_layer(pupil.sample_m(k)))
+                .collect();
+            self.footprint.mean(axis, &offsets)
+        });
+        AxisStencils { lines: lines.collect(), blocks: blocks.collect() }
+    }
+
+    /// Mean gradient over the pupil in rad per subaperture: inside, the edges of neighbouring
+    /// squares cancel.
+    fn pupil_gradient(&self, axis: usize, x: &AxisStencils, y: &AxisStencils) -> f64 {
+        let edges = self.outline[axis].iter().map(|edge| {
+            let (x, y) = match axis {
+                0 => (&x.lines[edge.line], &y.blocks[edge.block]),
+                _ => (&x.blocks[edge.block], &y.lines[edge.line]),
+            };
+            edge.sign * self.footprint.integrate(x, y)
+        });
+        edges.sum::<f64>() / self.pupil.subapertures().len() as f64
+    }
+}
+
+/// The edges across `axis` that bound the pupil.
+fn outline(pupil: &Pupil, axis: usize) -> Vec<Edge> {
+    let across = pupil.across();
+    let inside = |along: usize, block: usize| match axis {
+        0 => pupil.contains(along, block),
+        _ => pupil.contains(block, along),
+    };
+    let mut edges = vec![];
+    for block in 0..across {
+        for line in 0..=across {
+            let before = line > 0 && inside(line - 1, block);
+            let after = inside(line, block);
+            if before != after {
+                edges.push(Edge { line, block, sign: if before { 1.0 } else { -1.0 } });
+            }
+        }
+    }
+    edges
+}

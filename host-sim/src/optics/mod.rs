@@ -1,0 +1,24 @@
+//! The optics of SPLASH: from the phase of the layers to what the detector and the science
+//! camera receive.
+//!
+//! | module | gives |
+//! |---|---|
+//! | [`phase`] | the phase along the paths from a star, a laser guide star or a SPLASH spot |
+//! | [`splash_image`] | noise-free images of the spots, by wave optics |
+//! | [`geometric`] | centroids as mean gradients, for SPLASH and for guide stars |
+//! | [`science`] | residual phase, variance and Strehl ratio of the corrected star |
+//! | [`long_exposure`] | its mean point spread function |
+
+pub(crate) mod error;
+mod focal_plane;
+pub mod geometric;
+mod lane_fft;
+pub mod long_exposure;
+mod otf;
+pub mod phase;
+mod sampling;
+pub mod science;
+mod sincos;
+pub mod splash_image;
+
+pub use error::OpticsError;

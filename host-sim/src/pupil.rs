@@ -1,0 +1,180 @@
+//! The segmented telescope pupil and the segmented mirror that lies in it.
+
+use crate::optics::OpticsError;
+
+/// Largest number of subapertures across a pupil.
+pub const MAX_ACROSS: usize = 64;
+/// Largest number of phase samples across a subaperture.
+pub const MAX_SAMPLES: usize = 32;
+
+/// A square grid of square subapertures, of which a mask selects those that carry light.
+///
+/// Coordinates: x grows with the column, y with the row, the origin is the pupil's centre.
+/// Subaperture (ix, iy) is the square of side d centred on ((ix - (N-1)/2) d, (iy - (N-1)/2) d).
+/// The pupil function is the union of the selected squares. Phase arrays are `[row][col]`,
+/// row-major, N n samples on a side, at the centres of a grid of pitch d/n.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pupil {
+    across: usize,
+    samples: usize,
+    pitch_m: f64,
+    mask: Vec<bool>,
+    subapertures: Vec<[usize; 2]>,
+}
+
+impl Pupil {
+    /// `across` x `across` subapertures of side `pitch_m`, each sampled `samples` x `samples`;
+    /// `mask` (row-major, `across`^2 entries) selects those in use.
+    pub fn new(
+        across: usize,
+        samples: usize,
+        pitch_m: f64,
+        mask: Vec<bool>,
+    ) -> Result<Self, OpticsError> {
+        if !(1..=MAX_ACROSS).contains(&across) {
+            let limit = format!("1 to {MAX_ACROSS} subapertures");
+            return Err(OpticsError::range("across", across as f64, limit));
+        }
+        if !(2..=MAX_SAMPLES).contains(&samples) {
+            let limit = format!("2 to {MAX_SAMPLES} samples per subaperture");
+            return Err(OpticsError::range("samples", samples as f64, limit));
+        }
+        crate::optics::error::positive("pitch_m", pitch_m)?;
+        if mask.len() != across * across {
+            return Err(OpticsError::Length {
+                field: "mask".into(),
+                value: mask.len(),
+                limit: format!("{}", across * across),
+            });
+        }
+        let subapertures: Vec<[usize; 2]> = (0..across * across)
+            .filter(|&index| mask[index])
+            .map(|index| [index % across, index / across])
+            .collect();
+        if subapertures.is_empty() {
+            let limit = "at least one subaperture in use".into();
+            return Err(OpticsError::Length { field: "mask".into(), value: 0, limit });
+        }
+        Ok(Self { across, samples, pitch_m, mask, subapertures })
+    }
+
+    /// The subapertures whose centre lies inside the circle of diameter N d (52 of 64 for N = 8).
+    pub fn circular(across: usize, samples: usize, pitch_m: f64) -> Result<Self, OpticsError> {
+        // In units of d/2, where centres are integers: exact at any size.
+        let from_centre = |i: usize| (2 * i as i64 + 1 - across as i64).pow(2);
+        let mask = (0..across * across)
+            .map(|k| from_centre(k % across) + from_centre(k / across) <= (across * across) as i64)
+            .collect();
+        Self::new(across, samples, pitch_m, mask)
+    }
+
+    /// All N x N subapertures.
+    pub fn square(across: usize, samples: usize, pitch_m: f64) -> Result<Self, OpticsError> {
+        Self::new(across, samples, pitch_m, vec![true; across * across])
+    }
+
+    /// N, subapertures across the grid.
+    pub fn across(&self) -> usize {
+        self.across
+    }
+
+    /// n, phase samples across a subaperture.
+    pub fn samples(&self) -> usize {
+        self.samples
+    }
+
+    /// S = N n, phase samples across the grid.
+    pub fn side(&self) -> usize {
+        self.across * self.samples
+    }
+
+    /// d, the side of a subaperture in metres.
+    pub fn pitch_m(&self) -> f64 {
+        self.pitch_m
+    }
+
+    /// D = N d in metres.
+    pub fn diameter_m(&self) -> f64 {
+        self.across as f64 * self.pitch_m
+    }
+
+    /// d/n, the spacing of phase samples in metres.
+    pub fn sample_pitch_m(&self) -> f64 {
+        self.pitch_m / self.samples as f64
+    }
+
+    /// The subapertures in use as (ix, iy), in row-major order of the mask.
+    pub fn subapertures(&self) -> &[[usize; 2]] {
+        &self.subapertures
+    }
+
+    /// Row-major, N^2 entries.
+    pub fn mask(&self) -> &[bool] {
+        &self.mask
+    }
+
+    /// Whether subaperture (ix, iy) is in use; false outside the grid.
+    pub fn contains(&self, ix: usize, iy: usize) -> bool {
+        ix < self.across && iy < self.across && self.mask[iy * self.across + ix]
+    }
+
+    /// Coordinate of the centre of subaperture column or row `index`, in metres.
+    pub fn centre_m(&self, index: usize) -> f64 {
+        (index as f64 - (self.across as f64 - 1.0) / 2.0) * self.pitch_m
+    }
+
+    /// Coordinate of sample column or row `index`, in metres.
+    pub fn sample_m(&self, index: usize) -> f64 {
+        (index as f64 - (self.side() as f64 - 1.0) / 2.0) * self.sample_pitch_m()
+    }
+
+    /// Whether sample (row, col) lies in a subaperture in use.
+    pub fn illuminates(&self, row: usize, col: usize) -> bool {
+        self.contains(col / self.samples, row / self.samples)
+    }
+
+    /// Number of samples in use, M n^2.
+    pub fn illuminated_samples(&self) -> usize {
+        self.subapertures.len() * self.samples * self.samples
+    }
+}
+
+/// The shape of the segmented mirror, one segment per subaperture in use, lying in the pupil.
+///
+/// Over segment i the phase that the mirror takes out is
+/// m(x) = piston + tip 2 (x - x_i)/d + tilt 2 (y - y_i)/d:
+/// tip and tilt are the phase from the segment's centre to its edge.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mirror {
+    /// [piston, tip, tilt] in rad at the sensing wavelength, in the order of
+    /// [`Pupil::subapertures`].
+    pub segments: Vec<[f64; 3]>,
+}
+
+impl Mirror {
+    /// A flat mirror of `segments` segments.
+    pub fn flat(segments: usize) -> Self {
+        Self { segments: vec![[0.0; 3]; segments] }
+    }
+
+    /// The mirror's phase in rad at the pupil's samples, `[row][col]`, zero where there is no
+    /// segment.
+    ///
+    /// # Panics
+    /// If `phase` is not S x S or the number of segments is not that of the pupil.
+    pub fn phase(&self, pupil: &Pupil, phase: &mut [f32]) {
+        let (n, side) = (pupil.samples(), pupil.side());
+        assert_eq!(phase.len(), side * side, "phase array");
+        assert_eq!(self.segments.len(), pupil.subapertures().len(), "mirror segments");
+        phase.fill(0.0);
+        let edge = |k: usize| (2.0 * k as f64 + 1.0) / n as f64 - 1.0;
+        for (&[ix, iy], &[piston, tip, tilt]) in pupil.subapertures().iter().zip(&self.segments) {
+            for j in 0..n {
+                let start = (iy * n + j) * side + ix * n;
+                for (k, value) in phase[start..start + n].iter_mut().enumerate() {
+                    *value = (piston + tip * edge(k) + tilt * edge(j)) as f32;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,186 @@
+//! The firmware's configuration for an instrument: what its team would measure and calibrate.
+
+use crate::detector::{Calibration, Detector, DetectorSpec};
+use crate::error::Error;
+use crate::instrument::{EstimatorName, Instrument, ResponseName, ThresholdName};
+use splash_firmware::actuators::Law;
+use splash_firmware::gate::GateSpec;
+use splash_firmware::geometry::Mask;
+use splash_firmware::pixels::Convention;
+use splash_firmware::slopes::MeanSlope;
+use splash_firmware::spec::{
+    ActuatorSpec, ControlSpec, DetectorSpec as Readout, Estimator, Map, PixelSpec, SegmentSpec,
+    SlopeSpec, SorSpec, Spec, WindowSpec, triangle,
+};
+
+/// Largest pixel gain that the firmware takes: what answers less than a quarter is called bad.
+const MAX_PIXEL_GAIN: f32 = 4.0;
+/// Frames after which a global tilt is stale; the simulator gives none.
+const GLOBAL_TILT_MAX_AGE: u32 = 10;
+
+/// Everything a [`Spec`] borrows.
+#[derive(Clone, Debug)]
+pub struct Reconstructor {
+    instrument: Instrument,
+    mask: Mask,
+    detector: Detector,
+    origins: Vec<[u16; 2]>,
+    dark_adu: Vec<f64>,
+    gain: Vec<f64>,
+    noise_adu: Vec<f64>,
+    bad: Vec<[u16; 2]>,
+}
+
+impl Reconstructor {
+    /// Calibrates the instrument's detector.
+    ///
+    /// # Errors
+    /// [`Error::Config`] with field, value and limit of what cannot be.
+    pub fn new(instrument: &Instrument) -> Result<Self, Error> {
+        let origins = instrument.origins()?;
+        let section = &instrument.detector;
+        let detector = Detector::new(DetectorSpec {
+            width: instrument.detector_side(),
+            height: instrument.detector_side(),
+            bits: section.bits,
+            gain_e_per_adu: section.gain_e_per_adu,
+            read_noise_e: section.read_noise_e,
+            dark_e_per_frame: section.dark_e_per_frame,
+            bias_adu: section.bias_adu,
+            full_well_e: section.full_well_e,
+            bad_pixels: section.bad_pixels.clone(),
+            response_rms: section.response_rms,
+            // One instrument has one detector, whatever the run's seed.
+            response_seed: 0,
+        })?;
+        let Calibration { dark_adu, flat, sigma_adu, bad_pixels } = detector.calibration();
+        let width = instrument.detector_side();
+        let blind = flat.iter().enumerate().filter(|(_, flat)| **flat < 1.0 / MAX_PIXEL_GAIN);
+        let mut bad: Vec<[u16; 2]> = blind
+            .map(|(i, _)| [i % width, i / width])
+            .chain(bad_pixels)
+            .map(|pixel| pixel.map(|i| i as u16))
+            .collect();
+        bad.sort_unstable_by_key(|&[x, y]| (y, x));
+        bad.dedup();
+        Ok(Self {
+            instrument: instrument.clone(),
+            mask: instrument.mask()?,
+            detector,
+            origins,
+            dark_adu: dark_adu.into_iter().map(f64::from).collect(),
+            gain: flat.into_iter().map(|flat| 1.0 / f64::from(flat)).collect(),
+            noise_adu: sigma_adu.into_iter().map(f64::from).collect(),
+            bad,
+        })
+    }
+
+    /// The detector.
+    pub fn detector(&self) -> &Detector {
+        &self.detector
+    }
+
+    /// First column and row of each window.
+    pub fn origins(&self) -> &[[u16; 2]] {
+        &self.origins
+    }
+
+    /// The mask of subapertures.
+    pub fn mask(&self) -> &Mask {
+        &self.mask
+    }
+
+    /// Centre-to-edge optical path per pixel of centroid, m: a pixel is lambda / (p d) on the sky
+    /// and half a subaperture turns it into lambda / (2 p).
+    pub fn path_m_per_px(&self) -> f64 {
+        self.instrument.laser.wavelength_m / (2.0 * self.instrument.windows.pixels_per_lambda_d)
+    }
+
+    /// The flux of a whole spot, calibrated ADU: what a measurement made without images claims.
+    pub fn nominal_flux(&self) -> u32 {
+        let Instrument { laser, detector, .. } = &self.instrument;
+        (laser.electrons_per_spot / detector.gain_e_per_adu) as u32
+    }
+
+    /// The firmware's specification.
+    pub fn spec(&self) -> Spec<'_> {
+        let Instrument { laser, detector, windows, centroids, control, mirror, .. } =
+            &self.instrument;
+        let path_m_per_px = self.path_m_per_px();
+        let flux_adu = laser.electrons_per_spot / detector.gain_e_per_adu;
+        let side = self.instrument.detector_side() as u16;
+        let (stroke_m, peak_fraction) = (mirror.stroke_m, centroids.peak_fraction);
+        Spec {
+            mask: self.mask,
+            detector: Readout { width: side, height: side, bits: detector.bits as u8 },
+            windows: WindowSpec {
+                size: windows.size.min(usize::from(u8::MAX)) as u8,
+                origins: &self.origins,
+            },
+            pixels: PixelSpec {
+                dark_adu: Map::Each(&self.dark_adu),
+                gain: Map::Each(&self.gain),
+                noise_adu: Map::Each(&self.noise_adu),
+                threshold_sigma: centroids.threshold_sigma,
+                convention: match centroids.threshold {
+                    ThresholdName::Subtract => Convention::Subtract,
+                    ThresholdName::ZeroBelow => Convention::ZeroBelow,
+                },
+                bad: &self.bad,
+                saturation_adu: None,
+            },
+            estimator: match centroids.estimator {
+                EstimatorName::Plain => Estimator::CentreOfGravity,
+                EstimatorName::Thresholded => {
+                    Estimator::ThresholdedCentreOfGravity { peak_fraction }
+                }
+                EstimatorName::Weighted => Estimator::WeightedCentreOfGravity {
+                    peak_fraction,
+                    fwhm_px: centroids.weight_fwhm_px,
+                    gain: centroids.weight_gain,
+                },
+                EstimatorName::Brightest => Estimator::Brightest { count: centroids.brightest },
+            },
+            slopes: SlopeSpec {
+                reference_px: Map::Uniform([0.0; 2]),
+                gain_m_per_px: Map::Uniform([[path_m_per_px, 0.0], [0.0, path_m_per_px]]),
+                flux_min_adu: Map::Uniform(centroids.flux_min * flux_adu),
+                flux_max_adu: Map::Uniform(centroids.flux_max * flux_adu),
+                mean: MeanSlope::Remove,
+            },
+            control: ControlSpec {
+                gain: Map::Uniform(control.gain),
+                lever_arm: control.lever_arm,
+                delay_frames: control.delay_frames,
+                global_tilt_max_age: GLOBAL_TILT_MAX_AGE,
+            },
+            sor: SorSpec {
+                sweeps: (control.sweeps > 0).then_some(control.sweeps),
+                ..SorSpec::default()
+            },
+            segments: SegmentSpec {
+                stroke_m,
+                matrix: Map::Uniform(triangle(mirror.actuator_radius)),
+                flat_m: Map::Uniform([stroke_m / 2.0; 3]),
+                limits_m: Map::Uniform([[0.0, stroke_m]; 3]),
+                slew_m_per_frame: Some(mirror.slew_m_per_frame),
+            },
+            actuators: ActuatorSpec {
+                dac_bits: mirror.dac_bits,
+                law: match mirror.response {
+                    ResponseName::Linear => Law::Linear,
+                    ResponseName::Quadratic => Law::Quadratic,
+                },
+                response_m: Map::Uniform([[0.0, stroke_m]; 3]),
+            },
+            gate: GateSpec {
+                beacon_height_m: laser.beacon_height_m,
+                depth_m: laser.gate_depth_m,
+                zenith_angle_deg: laser.zenith_angle_deg,
+                pulse_rate_hz: laser.pulse_rate_hz,
+                pulses_per_frame: laser.pulses_per_frame,
+                readout_s: detector.readout_s,
+            },
+        }
+    }
+}

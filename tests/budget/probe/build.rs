@@ -1,0 +1,13 @@
+//! Only what the entries reach stays in the image; relocations stay, because they are its call graph.
+
+fn main() {
+    for argument in ["--gc-sections", "--emit-relocs", "--no-relax"] {
+        println!("cargo:rustc-link-arg-bins={argument}");
+    }
+    for entry in ["begin", "push_row", "finish"] {
+        println!("cargo:rustc-link-arg-bins=--undefined=probe_{entry}");
+    }
+    for entry in ["large", "recurse"] {
+        println!("cargo:rustc-link-arg-bin=guilty=--undefined=probe_{entry}");
+    }
+}

@@ -1,0 +1,1 @@
+//! The stages in f64, written from their equations.

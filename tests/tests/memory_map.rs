@@ -1,0 +1,150 @@
+//! `memory.x` against the reference manual of the STM32H743 (RM0433, chapter 2).
+
+use std::collections::BTreeMap;
+
+const KIB: u64 = 1024;
+
+/// Region, first address, bytes: RM0433, table of the memory map.
+const RM0433: [(&str, u64, u64); 7] = [
+    ("ITCM", 0x0000_0000, 64 * KIB),
+    ("FLASH", 0x0800_0000, 2 * 1024 * KIB),
+    ("RAM", 0x2000_0000, 128 * KIB),
+    ("AXISRAM", 0x2400_0000, 512 * KIB),
+    ("SRAM123", 0x3000_0000, (128 + 128 + 32) * KIB),
+    ("SRAM4", 0x3800_0000, 64 * KIB),
+    ("BKPSRAM", 0x3880_0000, 4 * KIB),
+];
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Region {
+    origin: u64,
+    length: u64,
+}
+
+fn script() -> String {
+    let text = include_str!("../../memory.x");
+    let mut bare = String::new();
+    for (i, part) in text.split("/*").enumerate() {
+        bare += if i == 0 { part } else { part.split_once("*/").expect("comment is closed").1 };
+    }
+    bare
+}
+
+fn number(text: &str) -> u64 {
+    let text = text.trim();
+    if let Some(hex) = text.strip_prefix("0x") {
+        u64::from_str_radix(hex, 16).expect("hexadecimal")
+    } else if let Some(kib) = text.strip_suffix('K') {
+        kib.parse::<u64>().expect("KiB") * KIB
+    } else {
+        text.parse().expect("decimal")
+    }
+}
+
+fn block<'a>(script: &'a str, name: &str) -> &'a str {
+    let (_, rest) = script.split_once(name).expect(name);
+    let body = rest.trim_start().strip_prefix('{').expect("opening brace");
+    let mut depth = 1;
+    for (i, c) in body.char_indices() {
+        depth += i32::from(c == '{') - i32::from(c == '}');
+        if depth == 0 {
+            return &body[..i];
+        }
+    }
+    panic!("{name} is not closed");
+}
+
+fn regions() -> BTreeMap<String, Region> {
+    let script = script();
+    let lines = block(&script, "MEMORY").lines().filter(|line| !line.trim().is_empty());
+    let regions: Vec<_> = lines
+        .map(|line| {
+            let (name, rest) = line.split_once(':').expect("name : ORIGIN = .., LENGTH = ..");
+            let (origin, length) = rest.split_once(',').expect("ORIGIN, LENGTH");
+            let value = |text: &str, key| {
+                let (found, value) = text.split_once('=').expect("key = value");
+                assert_eq!(found.trim(), key);
+                number(value)
+            };
+            let region =
+                Region { origin: value(origin, "ORIGIN"), length: value(length, "LENGTH") };
+            (name.trim().to_owned(), region)
+        })
+        .collect();
+    let count = regions.len();
+    let map: BTreeMap<_, _> = regions.into_iter().collect();
+    assert_eq!(map.len(), count, "a region is named twice");
+    map
+}
+
+#[test]
+fn regions_are_those_of_the_reference_manual() {
+    let expected: BTreeMap<_, _> = RM0433
+        .iter()
+        .map(|&(name, origin, length)| (name.to_owned(), Region { origin, length }))
+        .collect();
+    assert_eq!(regions(), expected);
+}
+
+/// The data sheet's own sum: 1 Mbyte of RAM on its first page is 1060 KiB with the TCMs and the
+/// backup SRAM.
+#[test]
+fn ram_adds_up_to_that_of_the_data_sheet() {
+    let ram: u64 =
+        regions().iter().filter(|(name, _)| *name != "FLASH").map(|(_, r)| r.length).sum();
+    assert_eq!(ram, 1060 * KIB);
+}
+
+#[test]
+fn regions_do_not_overlap() {
+    let mut regions: Vec<_> = regions().into_iter().collect();
+    regions.sort_by_key(|(_, region)| region.origin);
+    for pair in regions.windows(2) {
+        let [(low, a), (high, b)] = pair else { unreachable!() };
+        assert!(a.origin + a.length <= b.origin, "{low} runs into {high}");
+    }
+}
+
+/// A region of the Armv7-M MPU has a power of two as its size and starts at a multiple of it.
+#[test]
+fn every_region_can_be_covered_by_one_mpu_region() {
+    for (name, region) in regions() {
+        assert_eq!(region.origin % region.length.next_power_of_two(), 0, "{name}");
+    }
+}
+
+/// `cortex-m-rt` puts the stack at the end of RAM, and .data and .bss at its start.
+#[test]
+fn stack_and_hot_state_are_in_dtcm_where_no_dma_buffer_can_be_placed() {
+    let dtcm = 0x2000_0000..0x2002_0000;
+    let ram = regions()["RAM"];
+    assert_eq!(ram.origin..ram.origin + ram.length, dtcm);
+    let script = script();
+    let sections = block(&script, "SECTIONS");
+    assert!(!sections.contains("> RAM"), "RAM is left to cortex-m-rt");
+}
+
+#[test]
+fn extra_sections_are_uninitialised_and_lie_in_regions_of_their_name() {
+    let script = script();
+    let regions = regions();
+    let sections = block(&script, "SECTIONS");
+    let mut found = Vec::new();
+    let mut rest = sections;
+    while let Some((head, tail)) = rest.split_once('{') {
+        let (_, after) = tail.split_once('}').expect("section is closed");
+        let head = head.trim();
+        let name = head.strip_prefix('.').and_then(|h| h.split(' ').next()).expect(".name");
+        assert!(head.contains("(NOLOAD)"), ".{name} would be loaded from flash");
+        let region = after.trim_start().strip_prefix('>').expect("> REGION").trim_start();
+        let region = region.split_whitespace().next().expect("REGION");
+        assert_eq!(region, name.to_uppercase());
+        assert!(regions.contains_key(region), "{region}");
+        found.push(name.to_owned());
+        rest = after.split_once(region).expect("REGION").1;
+    }
+    assert_eq!(found, ["axisram", "sram123", "sram4", "bkpsram"]);
+    // Without INSERT these would replace the sections of cortex-m-rt.
+    let (_, after) = script.split_once(sections).expect("SECTIONS");
+    assert_eq!(after.trim_start_matches('}').trim(), "INSERT AFTER .bss;");
+}
