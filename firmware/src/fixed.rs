@@ -27,10 +27,13 @@ pub const fn round_shift(x: i64, n: u32) -> i64 {
     x.wrapping_add(1 << (n - 1)) >> n
 }
 
-/// Saturates a 64-bit intermediate to `-limit ..= limit`.
+/// Saturates a 64-bit intermediate to `-limit ..= limit`, for a limit that is not negative.
+///
+/// `clamp` would panic on crossed limits, and carry its message into the frame path wherever the
+/// limits are not constants.
 #[inline(always)]
 pub fn saturate(x: i64, limit: i32) -> i32 {
-    x.clamp(-i64::from(limit), i64::from(limit)) as i32
+    x.max(-i64::from(limit)).min(i64::from(limit)) as i32
 }
 
 /// `k * r` with `k` in Q30 and `|r| < 2^29`, rounded: one signed multiply-high.

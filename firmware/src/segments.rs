@@ -137,7 +137,7 @@ impl Segment {
         let [f0, f1, f2] = self.flat.map(|flat| u32::from(flat) << LENGTH_BITS);
         // Inside by construction but for the rounding of the last product: at most 1 ulp.
         let heights_ulp = [(h0, l0, f0), (h1, l1, f1), (h2, l2, f2)]
-            .map(|(h, (low, high), flat)| flat.wrapping_add_signed(h.clamp(low, high)));
+            .map(|(h, (low, high), flat)| flat.wrapping_add_signed(h.max(low).min(high)));
         Move { position, heights_ulp, limited: Limited { saturated, slewed } }
     }
 

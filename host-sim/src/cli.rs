@@ -59,7 +59,7 @@ pub struct RunArgs {
     /// Seed of turbulence and noise
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Detector without photon, dark and read noise
+    /// Detector without photon, dark and read noise, with 16 bits over its range
     #[arg(long)]
     pub noise_free: bool,
 }
@@ -172,7 +172,7 @@ impl RunArgs {
         if let Some(n) = self.n {
             instrument.telescope.subapertures = n;
         }
-        Ok(instrument)
+        Ok(if self.noise_free { instrument.noise_free() } else { instrument })
     }
 }
 

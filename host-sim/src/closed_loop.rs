@@ -129,7 +129,8 @@ impl<'a> ClosedLoop<'a> {
                 centroids: vec![[0.0; 2]; spots],
             },
         };
-        let (sensing_m, science_m) = (instrument.laser.wavelength_m, instrument.science.wavelength_m);
+        let (sensing_m, science_m) =
+            (instrument.laser.wavelength_m, instrument.science.wavelength_m);
         let science = Science::new(&pupil, &atmosphere, sensing_m, science_m)?;
         let flat = vec![board.codes().to_vec(); usize::from(instrument.control.delay_frames)];
         let side = instrument.detector_side();
@@ -171,7 +172,14 @@ impl<'a> ClosedLoop<'a> {
                 let width = detector.spec().width;
                 self.expected_e.fill(0.0);
                 let expected = &mut self.expected_e;
-                crate::detector::place(images, self.flux_e, &self.origins, window, width, expected)?;
+                crate::detector::place(
+                    images,
+                    self.flux_e,
+                    &self.origins,
+                    window,
+                    width,
+                    expected,
+                )?;
                 if self.run.noise_free {
                     detector.read_noise_free(expected, &mut self.pixels)?;
                 } else {

@@ -2,9 +2,9 @@
 
 use crate::board::BoardError;
 use crate::detector::DetectorError;
+use crate::figures::FigureError;
 use crate::files::csv::CsvError;
 use crate::files::fits::FitsError;
-use crate::figures::FigureError;
 use crate::optics::OpticsError;
 use splash_firmware::error::ConfigError;
 

@@ -233,6 +233,20 @@ impl Instrument {
         merged.try_into().map_err(|error| Error::Config(one_line(name, &error)))
     }
 
+    /// The same instrument with a detector that adds nothing: no read noise, no dark charge, and
+    /// 16 bits over the same range, so that rounding to codes is no noise either.
+    #[must_use]
+    pub fn noise_free(mut self) -> Self {
+        let scale = 2f64.powi(16 - self.detector.bits.clamp(8, 16) as i32);
+        let detector = &mut self.detector;
+        detector.bits = detector.bits.max(16);
+        detector.gain_e_per_adu /= scale;
+        detector.bias_adu *= scale;
+        detector.read_noise_e = 0.0;
+        detector.dark_e_per_frame = 0.0;
+        self
+    }
+
     /// The description as TOML, complete.
     ///
     /// # Errors

@@ -6,6 +6,7 @@
 //! | [`pupil`], [`screen`], [`atmosphere`] | subapertures and segments, phase screens, frozen flow |
 //! | [`optics`] | images of the spots, exact gradients, the science star |
 //! | [`detector`] | electrons to ADU |
+//! | [`calibration`] | reference slopes and slope gains, from a flat mirror and pokes |
 //! | [`reconstructor`] | the firmware's configuration for an instrument |
 //! | [`board`] | where the firmware library runs |
 //! | [`mirror`] | DAC codes to the shape of the segments |
@@ -16,6 +17,7 @@
 
 pub mod atmosphere;
 pub mod board;
+pub mod calibration;
 pub mod cli;
 pub mod closed_loop;
 pub mod commands;

@@ -1,5 +1,6 @@
 //! The firmware's configuration for an instrument: what its team would measure and calibrate.
 
+use crate::calibration::SlopeCalibration;
 use crate::detector::{Calibration, Detector, DetectorSpec};
 use crate::error::Error;
 use crate::instrument::{EstimatorName, Instrument, ResponseName, ThresholdName};
@@ -29,10 +30,11 @@ pub struct Reconstructor {
     gain: Vec<f64>,
     noise_adu: Vec<f64>,
     bad: Vec<[u16; 2]>,
+    slopes: SlopeCalibration,
 }
 
 impl Reconstructor {
-    /// Calibrates the instrument's detector.
+    /// Calibrates the instrument's detector; slopes are those of an ideal sensor.
     ///
     /// # Errors
     /// [`Error::Config`] with field, value and limit of what cannot be.
@@ -63,9 +65,11 @@ impl Reconstructor {
             .collect();
         bad.sort_unstable_by_key(|&[x, y]| (y, x));
         bad.dedup();
+        let mask = instrument.mask()?;
         Ok(Self {
+            slopes: SlopeCalibration::ideal(instrument, mask.count()),
             instrument: instrument.clone(),
-            mask: instrument.mask()?,
+            mask,
             detector,
             origins,
             dark_adu: dark_adu.into_iter().map(f64::from).collect(),
@@ -90,10 +94,15 @@ impl Reconstructor {
         &self.mask
     }
 
-    /// Centre-to-edge optical path per pixel of centroid, m: a pixel is lambda / (p d) on the sky
-    /// and half a subaperture turns it into lambda / (2 p).
-    pub fn path_m_per_px(&self) -> f64 {
-        self.instrument.laser.wavelength_m / (2.0 * self.instrument.windows.pixels_per_lambda_d)
+    /// With these reference slopes and gains.
+    #[must_use]
+    pub fn with_slopes(self, slopes: SlopeCalibration) -> Self {
+        Self { slopes, ..self }
+    }
+
+    /// Reference slopes and gains in use.
+    pub fn slopes(&self) -> &SlopeCalibration {
+        &self.slopes
     }
 
     /// The flux of a whole spot, calibrated ADU: what a measurement made without images claims.
@@ -106,7 +115,6 @@ impl Reconstructor {
     pub fn spec(&self) -> Spec<'_> {
         let Instrument { laser, detector, windows, centroids, control, mirror, .. } =
             &self.instrument;
-        let path_m_per_px = self.path_m_per_px();
         let flux_adu = laser.electrons_per_spot / detector.gain_e_per_adu;
         let side = self.instrument.detector_side() as u16;
         let (stroke_m, peak_fraction) = (mirror.stroke_m, centroids.peak_fraction);
@@ -142,8 +150,8 @@ impl Reconstructor {
                 EstimatorName::Brightest => Estimator::Brightest { count: centroids.brightest },
             },
             slopes: SlopeSpec {
-                reference_px: Map::Uniform([0.0; 2]),
-                gain_m_per_px: Map::Uniform([[path_m_per_px, 0.0], [0.0, path_m_per_px]]),
+                reference_px: Map::Each(&self.slopes.reference_px),
+                gain_m_per_px: Map::Each(&self.slopes.gain_m_per_px),
                 flux_min_adu: Map::Uniform(centroids.flux_min * flux_adu),
                 flux_max_adu: Map::Uniform(centroids.flux_max * flux_adu),
                 mean: MeanSlope::Remove,

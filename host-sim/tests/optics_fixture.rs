@@ -24,12 +24,8 @@ fn sinusoid(pupil: &Pupil, axis: usize, amplitude: f64, k: f64, psi: f64) -> Atm
     let screen = Screen::from_fn(extent_m, pupil.pitch_m() / 16.0, |x, y| {
         amplitude * (k * [x, y][axis] + psi).cos()
     });
-    let still = Layer {
-        weight: 1.0,
-        height_m: LAYER_M,
-        wind_speed_m_per_s: 0.0,
-        wind_direction_deg: 0.0,
-    };
+    let still =
+        Layer { weight: 1.0, height_m: LAYER_M, wind_speed_m_per_s: 0.0, wind_direction_deg: 0.0 };
     Atmosphere::from_screens(vec![(still, screen.unwrap())], pupil.diameter_m(), 0.0).unwrap()
 }
 
@@ -56,7 +52,7 @@ fn relative_rms(a: &[[f64; 2]], b: &[f64], axis: usize) -> f64 {
 #[test]
 fn sinusoidal_layer() {
     const WINDOW: usize = 32;
-    let pupil = Pupil::square(8, 8, 0.5).unwrap();
+    let pupil = Pupil::square(8, 16, 0.5).unwrap();
     let (d, diameter_m) = (pupil.pitch_m(), pupil.diameter_m());
     let mirror = Mirror::flat(64);
     let mut worst = [0.0_f64; 3];
@@ -72,7 +68,8 @@ fn sinusoidal_layer() {
                     .clone()
                     .map(|x| {
                         let local = (k * x + psi).sin() * sinc(k * B * d / 2.0);
-                        let global = (k * (1.0 - B) * x + psi).sin() * sinc(k * B * diameter_m / 2.0);
+                        let global =
+                            (k * (1.0 - B) * x + psi).sin() * sinc(k * B * diameter_m / 2.0);
                         -scale * (local - global)
                     })
                     .collect();
@@ -90,9 +87,15 @@ fn sinusoidal_layer() {
                     .collect();
                 let geometric = |sensor| {
                     let mut centroids = vec![[0.0; 2]; 64];
-                    GeometricSensor::new(sensor, &pupil, &atmosphere, BEACON_M, PIXELS_PER_LAMBDA_D)
-                        .unwrap()
-                        .centroids(&atmosphere, 0.0, &mirror, &mut centroids);
+                    GeometricSensor::new(
+                        sensor,
+                        &pupil,
+                        &atmosphere,
+                        BEACON_M,
+                        PIXELS_PER_LAMBDA_D,
+                    )
+                    .unwrap()
+                    .centroids(&atmosphere, 0.0, &mirror, &mut centroids);
                     centroids
                 };
                 let errors = [

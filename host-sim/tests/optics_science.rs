@@ -109,8 +109,7 @@ fn fitting_error_of_square_segments() {
     // Footprints a diameter apart, along the path of the wind.
     let layers = [Layer { wind_speed_m_per_s: diameter_m, ..still(0.0) }];
     let (realisations, footprints) = (12, 10);
-    let turbulence =
-        Turbulence::new(0.5, &layers, diameter_m, 0.5, f64::from(footprints)).unwrap();
+    let turbulence = Turbulence::new(0.5, &layers, diameter_m, 0.5, f64::from(footprints)).unwrap();
     let side = pupil.side();
     let mut phase = vec![0.0; side * side];
     let mut sampler = PhaseSampler::default();

@@ -46,8 +46,19 @@ fn structure_function_of_independent_screens() {
     let layers = [layer(3.0, 0.0, 0.0, 0.0), layer(2.0, 3000.0, 0.0, 0.0)];
     // The texel is a sixteenth of the pitch.
     let turbulence = Turbulence::new(r0_m, &layers, diameter_m, 16.0, 0.0).unwrap();
-    let lags: Vec<(i64, i64)> =
-        vec![(1, 0), (2, 0), (4, 0), (8, 0), (0, 1), (0, 3), (0, 8), (1, 1), (3, 3), (5, 5), (5, -5)];
+    let lags: Vec<(i64, i64)> = vec![
+        (1, 0),
+        (2, 0),
+        (4, 0),
+        (8, 0),
+        (0, 1),
+        (0, 3),
+        (0, 8),
+        (1, 1),
+        (3, 3),
+        (5, 5),
+        (5, -5),
+    ];
     let sums = (0..SEEDS)
         .into_par_iter()
         .map(|seed| {
@@ -125,7 +136,8 @@ fn weights_are_normalised() {
     };
     let (a, b) = (with([0.2, 0.2]), with([30.0, 10.0]));
     for (k, share) in [0.75, 0.25].into_iter().enumerate() {
-        let of = |atmosphere: &Atmosphere| structure(&[atmosphere.screens().nth(k).unwrap()], 3, 1, 7);
+        let of =
+            |atmosphere: &Atmosphere| structure(&[atmosphere.screens().nth(k).unwrap()], 3, 1, 7);
         assert!((of(&b) / of(&a) - share / 0.5).abs() < 1e-5);
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{output, progress};
 use crate::board::in_process;
+use crate::calibration::SlopeCalibration;
 use crate::cli::LoopArgs;
 use crate::closed_loop::{ClosedLoop, Run, Sensing};
 use crate::error::{Error, refuse};
@@ -47,6 +48,10 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
     }
     let instrument = args.run.instrument()?;
     let reconstructor = Reconstructor::new(&instrument)?;
+    let reconstructor = match args.sensing {
+        Sensing::Images => reconstructor.with_slopes(SlopeCalibration::measure(&instrument)?),
+        Sensing::Geometric => reconstructor,
+    };
     let mut board = in_process(&reconstructor.spec())?;
     let run = Run {
         sensor: args.sensor.sensor(),
@@ -108,12 +113,42 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
         args.output.json,
         &result,
         &[
-            ("subapertures", format!("{} across, {} in the pupil", result.n, closed.pupil().subapertures().len())),
+            (
+                "subapertures",
+                format!(
+                    "{} across, {} in the pupil",
+                    result.n,
+                    closed.pupil().subapertures().len()
+                ),
+            ),
             ("sensor", format!("{}, {:?}", result.sensor, args.sensing).to_lowercase()),
-            ("frames", format!("{} at {} ms, {} to settle", result.frames, 1e3 * instrument.frame_s(), args.settle)),
-            ("Strehl ratio", format!("{:.4} +- {:.4}, long exposure {:.4}", result.strehl, result.strehl_se, exposure.strehl())),
+            (
+                "frames",
+                format!(
+                    "{} at {} ms, {} to settle",
+                    result.frames,
+                    1e3 * instrument.frame_s(),
+                    args.settle
+                ),
+            ),
+            (
+                "Strehl ratio",
+                format!(
+                    "{:.4} +- {:.4}, long exposure {:.4}",
+                    result.strehl,
+                    result.strehl_se,
+                    exposure.strehl()
+                ),
+            ),
             ("residual variance", format!("{:.4} rad^2", result.variance_rad2)),
-            ("speed", format!("{:.0} frames/s of the loop, {:.1} s in all", result.frames_per_second, start.elapsed().as_secs_f64())),
+            (
+                "speed",
+                format!(
+                    "{:.0} frames/s of the loop, {:.1} s in all",
+                    result.frames_per_second,
+                    start.elapsed().as_secs_f64()
+                ),
+            ),
             ("faults", output::faults_in_words(&result.faults)),
             ("digest", result.digest.clone()),
             ("pictures and files", directory.display().to_string()),
@@ -280,16 +315,18 @@ fn draw_psf(
     let lambda_d = instrument.science.wavelength_m / diameter_m * ARCSEC;
     let arcsec_per_px = exposure.pixel_in_lambda_over_diameter() * lambda_d;
     // The corrected core and its halo: 2 N lambda/D across reaches beyond the control radius.
-    let half = (instrument.telescope.subapertures as f64
-        / exposure.pixel_in_lambda_over_diameter())
-    .ceil() as usize;
+    let half = (instrument.telescope.subapertures as f64 / exposure.pixel_in_lambda_over_diameter())
+        .ceil() as usize;
     let (first, crop) = (side / 2 - half.min(side / 2), 2 * half.min(side / 2));
     let rows = image.chunks_exact(side).skip(first).take(crop);
     let core: Vec<f32> = rows.flat_map(|row| row[first..first + crop].iter().copied()).collect();
     let title = "long exposure";
     figures::psf(directory.join("psf.svg"), &core, crop, arcsec_per_px, title)?;
-    let header = output::header(instrument, 0, "fraction of diffraction limit")
-        .with("PIXSCALE", arcsec_per_px, "[arcsec] pixel");
+    let header = output::header(instrument, 0, "fraction of diffraction limit").with(
+        "PIXSCALE",
+        arcsec_per_px,
+        "[arcsec] pixel",
+    );
     let mut file = FitsWriter::create(directory.join("psf.fits"))?;
     file.image("PSF", &[side, side], &header, &image)?;
     Ok(file.finish()?)

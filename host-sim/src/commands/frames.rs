@@ -1,10 +1,12 @@
 //! `host-sim frames`: a recorded run.
 //!
 //! The file: FRAMES, a u16 cube (column, row, frame); TRUTH, the exact centroids of each frame in
-//! pixels (axis, subaperture, frame); STREHL, one value a frame; CONFIG, the instrument as TOML.
+//! pixels (axis, subaperture, frame); STREHL, one value a frame; REFERENCE and GAIN, the slope
+//! calibration (axis, subaperture; column, row, subaperture); CONFIG, the instrument as TOML.
 
 use super::{output, progress};
 use crate::board::in_process;
+use crate::calibration::SlopeCalibration;
 use crate::cli::FramesArgs;
 use crate::closed_loop::{ClosedLoop, Run, Sensing};
 use crate::error::Error;
@@ -30,7 +32,8 @@ struct FramesResult {
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &FramesArgs) -> Result<(), Error> {
     let instrument = args.run.instrument()?;
-    let reconstructor = Reconstructor::new(&instrument)?;
+    let slopes = SlopeCalibration::measure(&instrument)?;
+    let reconstructor = Reconstructor::new(&instrument)?.with_slopes(slopes);
     let mut board = in_process(&reconstructor.spec())?;
     let run = Run {
         sensor: Sensor::Splash,
@@ -46,9 +49,11 @@ pub fn run(args: &FramesArgs) -> Result<(), Error> {
     let side = instrument.detector_side();
     let writable = |error| Error::Config(format!("{error}"));
     let header = output::header(&instrument, run.seed, "ADU");
-    let mut frames = FitsWriter::create(&args.file)
-        .map_err(writable)?
-        .cube::<u16>("FRAMES", [side, side], &header)?;
+    let mut frames = FitsWriter::create(&args.file).map_err(writable)?.cube::<u16>(
+        "FRAMES",
+        [side, side],
+        &header,
+    )?;
     let mut truth = closed.truth(&instrument)?;
     let (mut centroids, mut strehl) = (Vec::<f32>::new(), Vec::<f64>::new());
     let mut digest = CodeDigest::default();
@@ -67,6 +72,12 @@ pub fn run(args: &FramesArgs) -> Result<(), Error> {
     let header = output::header(&instrument, run.seed, "pixel");
     file.image("TRUTH", &[2, segments, strehl.len()], &header, &centroids)?;
     file.image("STREHL", &[strehl.len()], &output::header(&instrument, run.seed, ""), &strehl)?;
+    let slopes = reconstructor.slopes();
+    let reference = slopes.reference_px.as_flattened();
+    let gain = slopes.gain_m_per_px.as_flattened().as_flattened();
+    let header = |unit| output::header(&instrument, run.seed, unit);
+    file.image("REFERENCE", &[2, segments], &header("pixel"), reference)?;
+    file.image("GAIN", &[2, 2, segments], &header("m/pixel"), gain)?;
     file.text("CONFIG", &instrument.to_toml()?)?;
     file.finish()?;
     let result = FramesResult {

@@ -8,8 +8,8 @@ pub(super) fn bar(length: u64, what: &'static str, unit: &str) -> ProgressBar {
         "{{msg:<12}} {{wide_bar:.cyan/blue}} {{pos}}/{{len}} {unit} {{per_sec}} {{eta}} left"
     );
     // The template is fixed; were it wrong, a plain bar would do.
-    let style = ProgressStyle::with_template(&template)
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
+    let style =
+        ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar());
     ProgressBar::new(length).with_style(style).with_message(what)
 }
 

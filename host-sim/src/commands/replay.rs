@@ -2,6 +2,7 @@
 
 use super::{output, progress};
 use crate::board::{Frame, in_process};
+use crate::calibration::SlopeCalibration;
 use crate::cli::ReplayArgs;
 use crate::error::{Error, refuse};
 use crate::files::csv::SeriesWriter;
@@ -36,21 +37,30 @@ pub fn run(args: &ReplayArgs) -> Result<(), Error> {
             Instrument::parse(&file.text(place).map_err(unusable)?, &format!("{name}[CONFIG]"))?
         }
     };
-    let reconstructor = Reconstructor::new(&instrument)?;
+    let subapertures = instrument.mask()?.count();
+    let slopes = slopes(&mut file, &name, subapertures)?;
+    let reconstructor = Reconstructor::new(&instrument)?.with_slopes(slopes);
     let mut board = in_process(&reconstructor.spec())?;
     let mut cube = file.cube::<u16>(0).map_err(unusable)?;
     let side = instrument.detector_side();
     let [columns, rows] = cube.frame_shape();
     if [columns, rows] != [side, side] {
         let limit = format!("the configuration's {side} x {side} pixels");
-        return Err(refuse(&format!("{name}: frame"), format!("{columns} x {rows} pixels"), &limit));
+        return Err(refuse(
+            &format!("{name}: frame"),
+            format!("{columns} x {rows} pixels"),
+            &limit,
+        ));
     }
 
     let directory = output::directory(args.output.out.as_deref(), "replay")?;
     let header = output::header(&instrument, 0, "DAC code");
     let segments = reconstructor.mask().count();
-    let mut commands = FitsWriter::create(directory.join("commands.fits"))?
-        .cube::<u16>("CODES", [3, segments], &header)?;
+    let mut commands = FitsWriter::create(directory.join("commands.fits"))?.cube::<u16>(
+        "CODES",
+        [3, segments],
+        &header,
+    )?;
     let columns = [
         "frame",
         "subaperture",
@@ -108,4 +118,29 @@ pub fn run(args: &ReplayArgs) -> Result<(), Error> {
             ("files", directory.display().to_string()),
         ],
     )
+}
+
+/// The slope calibration recorded in the file: measured again on another machine, it could differ
+/// in its last bits.
+fn slopes(
+    file: &mut FitsReader,
+    name: &str,
+    subapertures: usize,
+) -> Result<SlopeCalibration, Error> {
+    let mut read = |array: &str, shape: &[usize]| {
+        let unusable = |error: FitsError| Error::Config(error.to_string());
+        let place = file.find(array).map_err(unusable)?;
+        let (found, values) = file.image::<f64>(place).map_err(unusable)?;
+        if found != shape {
+            let limit = format!("{shape:?}, one a subaperture of the configuration");
+            return Err(refuse(&format!("{name}[{array}]: axes"), format!("{found:?}"), &limit));
+        }
+        Ok(values)
+    };
+    let reference = read("REFERENCE", &[2, subapertures])?;
+    let gain = read("GAIN", &[2, 2, subapertures])?;
+    Ok(SlopeCalibration {
+        reference_px: reference.as_chunks().0.to_vec(),
+        gain_m_per_px: gain.as_chunks().0.as_chunks().0.to_vec(),
+    })
 }

@@ -4,21 +4,14 @@ use super::lane_fft::LANES;
 use super::otf::Lags;
 use pulp::Simd;
 
-/// Nodes and weights of eight-point Gauss-Legendre quadrature on (0, 1): the positive half.
-const GAUSS: [[f64; 2]; 4] = [
-    [0.183_434_642_495_649_8, 0.362_683_783_378_362],
-    [0.525_532_409_916_329, 0.313_706_645_877_887_3],
-    [0.796_666_477_413_626_7, 0.222_381_034_453_374_5],
-    [0.960_289_856_497_536_2, 0.101_228_536_290_376_3],
-];
-
-/// Intensity I(theta) = sum over lags l of OTF(l) exp(-2 pi i l u) sinc^2(pi u), u = theta d/(n
-/// lambda), integrated over the pixels of a square window.
+/// Intensity I(theta) = sum over lags l of OTF(l) exp(-2 pi i l u), u = theta d/(n lambda),
+/// integrated over the pixels of a square window.
 ///
-/// The lags are d/n apart. Between them the OTF is interpolated linearly, hence the sinc^2: it is
-/// what a flat wavefront over a square subaperture has exactly, and without it the image would
-/// repeat itself every n lambda/d, well inside a large window. A positive gradient moves the spot
-/// to +x, +y. Pixel centres are at k - (W-1)/2; the sum over an infinite plane is OTF(0).
+/// The image of a sampled pupil repeats itself with a period of 1 in u, n lambda/d: the wings
+/// beyond are folded into it. A window of one period therefore holds all the light, OTF(0), and
+/// its centre of gravity follows a tilt with gain one; a larger window would show the spot twice
+/// and is refused by the camera. A positive gradient moves the spot to +x, +y. Pixel centres are
+/// at k - (W-1)/2.
 pub(crate) struct FocalPlane {
     samples: usize,
     window: usize,
@@ -46,16 +39,9 @@ impl FocalPlane {
         let pixel = 1.0 / (samples as f64 * pixels_per_lambda_d);
         let kernel = |lag: i64, k: usize| -> [f64; 2] {
             let centre = (k as f64 - (window as f64 - 1.0) / 2.0) * pixel;
-            let mut sum = [0.0; 2];
-            for [node, weight] in GAUSS {
-                for u in [centre - node * pixel / 2.0, centre + node * pixel / 2.0] {
-                    let envelope = weight / 2.0 * pixel * sinc(std::f64::consts::PI * u).powi(2);
-                    let (sin, cos) = (-std::f64::consts::TAU * lag as f64 * u).sin_cos();
-                    sum[0] += envelope * cos;
-                    sum[1] += envelope * sin;
-                }
-            }
-            sum
+            let integral = pixel * sinc(std::f64::consts::PI * lag as f64 * pixel);
+            let (sin, cos) = (-std::f64::consts::TAU * lag as f64 * centre).sin_cos();
+            [integral * cos, integral * sin]
         };
         let (mut x_re, mut x_im) = (vec![], vec![]);
         for lag in 1 - samples as i64..samples as i64 {

