@@ -1,12 +1,11 @@
-//! Images of SPLASH spots against a slow double-precision model, and what tilts do to them.
+//! What SPLASH spots do under tilts, pokes and turbulence at the ground.
 
 use host_sim::atmosphere::{Atmosphere, Layer};
 use host_sim::optics::OpticsError;
 use host_sim::optics::geometric::{GeometricSensor, Sensor};
 use host_sim::optics::splash_image::{PIXELS_PER_LAMBDA_D, SplashCamera};
 use host_sim::pupil::{Mirror, Pupil};
-use host_sim::screen::Screen;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 const BEACON_M: f64 = 12_000.0;
 const WINDOW: usize = 16;
@@ -61,169 +60,6 @@ fn centroid(image: &[f32]) -> [f64; 2] {
     let image: Vec<f64> = image.iter().map(|&value| f64::from(value)).collect();
     let [sum, x, y] = moments(&image);
     [x / sum, y / sum]
-}
-
-/// A complex number, kept apart from any library.
-type Complex = [f64; 2];
-
-/// Catmull-Rom interpolation between four values.
-fn cubic(p: [f64; 4], f: f64) -> f64 {
-    let slope = [(p[2] - p[0]) / 2.0, (p[3] - p[1]) / 2.0];
-    let (f2, f3) = (f * f, f * f * f);
-    (2.0 * f3 - 3.0 * f2 + 1.0) * p[1]
-        + (f3 - 2.0 * f2 + f) * slope[0]
-        + (3.0 * f2 - 2.0 * f3) * p[2]
-        + (f3 - f2) * slope[1]
-}
-
-/// Phase of a layer at a place in the layer's plane, from its texels.
-fn screen_phase(screen: &Screen, at: [f64; 2], above_axis: [f64; 2]) -> f64 {
-    let place = [0, 1].map(|axis| (at[axis] - screen.first_m()[axis]) / screen.texel_m());
-    let first = place.map(|place| place.floor() as i64);
-    let rows = [-1, 0, 1, 2].map(|dy| {
-        let row = [-1, 0, 1, 2].map(|dx| f64::from(screen.texel(first[0] + dx, first[1] + dy)));
-        cubic(row, place[0] - place[0].floor())
-    });
-    let gradient = screen.gradient_rad_per_m();
-    let plane: f64 = (0..2).map(|axis| gradient[axis] * (at[axis] - above_axis[axis])).sum();
-    cubic(rows, place[1] - place[1].floor()) + plane
-}
-
-/// Phase less the mirror's at sample (row, col), on the way to or from spot (ix, iy).
-fn path_phase(
-    pupil: &Pupil,
-    atmosphere: &Atmosphere,
-    layers: &[Layer],
-    time_s: f64,
-    mirror: &Mirror,
-    spot: [usize; 2],
-    [row, col]: [usize; 2],
-) -> f64 {
-    let (n, d) = (pupil.samples(), pupil.pitch_m());
-    let coordinate = |k: usize| (k as f64 + 0.5) * d / n as f64 - pupil.diameter_m() / 2.0;
-    let centre = |k: usize| (k as f64 + 0.5) * d - pupil.diameter_m() / 2.0;
-    let x = [coordinate(col), coordinate(row)];
-    let mut phase = 0.0;
-    for (layer, screen) in layers.iter().zip(atmosphere.screens()) {
-        let b = 1.0 - layer.height_m / BEACON_M;
-        let angle = layer.wind_direction_deg.to_radians();
-        let flown = [angle.cos(), angle.sin()].map(|c| -layer.wind_speed_m_per_s * time_s * c);
-        let at = [0, 1].map(|k| b * x[k] + (1.0 - b) * centre(spot[k]) + flown[k]);
-        phase += screen_phase(screen, at, flown);
-    }
-    let segment = [col / n, row / n];
-    if let Some(index) = pupil.subapertures().iter().position(|&s| s == segment) {
-        let [piston, tip, tilt] = mirror.segments[index];
-        let edge = [0, 1].map(|k| 2.0 * (x[k] - centre(segment[k])) / d);
-        phase -= piston + tip * edge[0] + tilt * edge[1];
-    }
-    phase
-}
-
-/// |sum over samples of exp(i phase - 2 pi i u . sample)|^2 on a grid of `fine` angles per period,
-/// normalised to a mean of one.
-fn point_spread(amplitude: &[Vec<Option<f64>>], fine: usize) -> Vec<Vec<f64>> {
-    let side = amplitude.len();
-    let turn = |k: usize, s: usize| (TAU * ((k * s) % fine) as f64 / fine as f64).sin_cos();
-    let mut along_x = vec![vec![[0.0; 2]; fine]; side];
-    for (out, row) in along_x.iter_mut().zip(amplitude) {
-        for (k, sum) in out.iter_mut().enumerate() {
-            for (s, phase) in row.iter().enumerate().filter_map(|(s, p)| p.map(|p| (s, p))) {
-                let (sin, cos) = (phase - TAU * ((k * s) % fine) as f64 / fine as f64).sin_cos();
-                *sum = [sum[0] + cos, sum[1] + sin];
-            }
-        }
-    }
-    let light = amplitude.iter().flatten().flatten().count() as f64;
-    let mut intensity = vec![vec![0.0; fine]; fine];
-    for (ky, row) in intensity.iter_mut().enumerate() {
-        for (kx, value) in row.iter_mut().enumerate() {
-            let mut sum: Complex = [0.0; 2];
-            for (s, x) in along_x.iter().enumerate() {
-                let (sin, cos) = turn(ky, s);
-                sum = [
-                    sum[0] + x[kx][0] * cos + x[kx][1] * sin,
-                    sum[1] + x[kx][1] * cos - x[kx][0] * sin,
-                ];
-            }
-            *value = (sum[0] * sum[0] + sum[1] * sum[1]) / light;
-        }
-    }
-    intensity
-}
-
-/// The image of one spot by brute force: upward point spread function correlated with the
-/// downward one on a grid of 128 angles per period of the sampled pupil (8 per pixel), integrated
-/// over the pixels by Boole's rule.
-fn brute_force(up: &[Vec<Option<f64>>], down: &[Vec<Option<f64>>]) -> Vec<f64> {
-    const FINE: usize = 128;
-    let (up, down) = (point_spread(up, FINE), point_spread(down, FINE));
-    let mut image = vec![vec![0.0; FINE + 1]; FINE + 1];
-    let wrap = |k: usize| (k + FINE / 2) % FINE;
-    for (ky, row) in image.iter_mut().enumerate() {
-        for (kx, value) in row.iter_mut().enumerate() {
-            let (oy, ox) = (wrap(ky), wrap(kx));
-            // I(u) = sum over v of up(u + v) down(v): the downward function reversed.
-            for (vy, down) in down.iter().enumerate() {
-                let up = &up[(oy + vy) % FINE];
-                let (head, tail) = up.split_at(ox);
-                let turned = tail.iter().chain(head);
-                *value += turned.zip(down).map(|(a, b)| a * b).sum::<f64>();
-            }
-            *value /= (FINE as f64).powi(4);
-        }
-    }
-    let boole = [7.0, 32.0, 12.0, 32.0, 14.0, 32.0, 12.0, 32.0, 7.0].map(|w| w * 2.0 / 45.0);
-    let mut pixels = vec![0.0; PIXELS];
-    for (k, pixel) in pixels.iter_mut().enumerate() {
-        let (y, x) = (k / WINDOW * 8, k % WINDOW * 8);
-        for (dy, wy) in boole.iter().enumerate() {
-            for (dx, wx) in boole.iter().enumerate() {
-                *pixel += wy * wx * image[y + dy][x + dx];
-            }
-        }
-    }
-    pixels
-}
-
-#[test]
-fn images_equal_brute_force() {
-    let pupil = Pupil::circular(4, 8, 0.5).unwrap();
-    let layers = [layer(0.5, 0.0, 20.0), layer(0.3, 3_000.0, 110.0), layer(0.2, 7_000.0, -60.0)];
-    let atmosphere = turbulence(&pupil, &layers, 11);
-    let time_s = 0.0371;
-    let mut mirror = Mirror::flat(12);
-    for (k, segment) in mirror.segments.iter_mut().enumerate() {
-        *segment = [1, 2, 3].map(|part| (1.7 * part as f64 * (k as f64 + 1.0)).sin());
-    }
-    let images = expose(&pupil, &atmosphere, time_s, &mirror);
-    for spot in [0, 3, 10] {
-        let subaperture = pupil.subapertures()[spot];
-        let amplitude = |inside: &dyn Fn(usize, usize) -> bool| -> Vec<Vec<Option<f64>>> {
-            let sample = |row: usize, col: usize| {
-                let at = [row, col];
-                inside(col / 8, row / 8).then(|| {
-                    path_phase(&pupil, &atmosphere, &layers, time_s, &mirror, subaperture, at)
-                })
-            };
-            (0..32).map(|row| (0..32).map(|col| sample(row, col)).collect()).collect()
-        };
-        let up = amplitude(&|ix, iy| [ix, iy] == subaperture);
-        let down = amplitude(&|ix, iy| pupil.contains(ix, iy));
-        let expected = brute_force(&up, &down);
-        let image: Vec<f64> = images[spot * PIXELS..][..PIXELS].iter().map(|&v| v.into()).collect();
-        let peak = expected.iter().copied().fold(0.0, f64::max);
-        let worst =
-            image.iter().zip(&expected).map(|(a, b)| (a - b).abs() / peak).fold(0.0, f64::max);
-        let ([sum, x, y], [sum_e, x_e, y_e]) = (moments(&image), moments(&expected));
-        let shift = (x / sum - x_e / sum_e).hypot(y / sum - y_e / sum_e);
-        let signal = (x_e / sum_e).hypot(y_e / sum_e);
-        println!(
-            "spot {spot}: pixels {worst:.1e} of the peak, centroid {shift:.1e} of {signal:.3} px"
-        );
-        assert!(worst < 1e-5, "spot {spot}: pixels differ by {worst} of the peak");
-        assert!(shift < 1e-5 * signal, "spot {spot}: {shift} px of {signal} px");
-    }
 }
 
 #[test]

@@ -1,1 +1,254 @@
-//! To come.
+//! Segments and actuators against what three actuators with limits can do, in f64.
+//!
+//! The pupil is a checkerboard: no subaperture has a neighbour, so that the solver's pistons are
+//! zero and a segment's target is known: its command, and the plane of the global tilt.
+
+use splash_firmware::actuators::Law;
+use splash_firmware::config::Config;
+use splash_firmware::fixed::TILT_LIMIT;
+use splash_firmware::geometry::Mask;
+use splash_firmware::pipeline::{GlobalTilt, Pipeline, Report};
+use splash_firmware::segments::Position;
+use splash_firmware::slopes::MeanSlope;
+use splash_firmware::spec::triangle;
+use splash_tests::frames::{self, Rng};
+use splash_tests::instrument::{Instrument, STROKE_LSB, ULP_PER_LSB, Values, step};
+use splash_tests::twin::mirror::{Place, Segment};
+use splash_tests::twin::pixels::Numbers;
+
+/// 8 x 8 cells with windows of 4 x 4 pixels.
+type Bank = Config<64, { 64 * 16 }, 0>;
+type Path = Pipeline<64, 0>;
+
+/// The whole stroke, ulp.
+const STROKE: f64 = STROKE_LSB * ULP_PER_LSB;
+/// Largest piston of a target, ulp.
+const PISTON: f64 = 67_108_864.0;
+/// Room below which a tilt counts as out of reach, ulp: tilts are compared in quarters of an LSB,
+/// 128 ulp, rounded to the safe side on both ends.
+const STEP: f64 = 260.0;
+
+fn checkerboard() -> Mask {
+    Mask::from_fn(8, |x, y| (x + y) % 2 == 0).expect("a mask")
+}
+
+/// No control law: commands are the slopes of the frame, up to half a stroke over a segment.
+fn instrument(rng: &mut Rng) -> Instrument {
+    let mut instrument = Instrument::ideal(checkerboard(), 4);
+    instrument.mean = MeanSlope::Keep;
+    let gain = f64::powi(10.0, rng.between(-8, -6)) * rng.uniform(0.5, 4.0);
+    instrument.slope_gain_m_per_px = Values::Uniform([[gain, 0.0], [0.0, gain]]);
+    instrument
+}
+
+/// Segments that all differ: matrices within their ranges, flats, limits from 5 % of the stroke,
+/// responses of either direction.
+fn uneven(rng: &mut Rng) -> Instrument {
+    let mut instrument = instrument(rng);
+    let (count, stroke) = (instrument.count(), instrument.stroke_m);
+    instrument.law = if rng.below(2) == 0 { Law::Linear } else { Law::Quadratic };
+    instrument.dac_bits = rng.between(8, 16) as u8;
+    let plane = |rng: &mut Rng| loop {
+        let tilt = |rng: &mut Rng| rng.uniform(-1.5, 1.5);
+        let row = |rng: &mut Rng| [rng.uniform(0.5, 2.0), tilt(rng), tilt(rng)];
+        let rows = [row(rng), row(rng), row(rng)];
+        let [[a, b, c], [d, e, f], [g, h, i]] = rows;
+        let determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g);
+        if determinant.abs() > 0.2 {
+            break rows;
+        }
+    };
+    let triangle = triangle(0.6);
+    let plain = rng.below(3) == 0;
+    let matrices = (0..count).map(|_| if plain { triangle } else { plane(rng) }).collect();
+    instrument.matrix = Values::Each(matrices);
+    let range = |rng: &mut Rng| {
+        let low = rng.uniform(0.0, 0.45);
+        [low, rng.uniform(low + 0.05, 1.0)].map(|part| part * stroke)
+    };
+    let limits: Vec<[[f64; 2]; 3]> =
+        (0..count).map(|_| [range(rng), range(rng), range(rng)]).collect();
+    let mut flat = |[low, high]: [f64; 2]| low + (high - low) * rng.uniform(0.1, 0.9);
+    instrument.flat_m = Values::Each(limits.iter().map(|l| l.map(&mut flat)).collect());
+    let mut reach = |[low, high]: [f64; 2]| {
+        let ends = [low - rng.uniform(0.0, 0.2) * stroke, high + rng.uniform(0.2, 0.4) * stroke];
+        if rng.below(2) == 0 { ends } else { [ends[1], ends[0]] }
+    };
+    instrument.response_m = Values::Each(limits.iter().map(|l| l.map(&mut reach)).collect());
+    instrument.limits_m = Values::Each(limits);
+    instrument
+}
+
+/// A mirror, its models and where its segments are.
+struct Mirror {
+    instrument: Instrument,
+    config: Box<Bank>,
+    path: Box<Path>,
+    frame: u32,
+    stored: Vec<Segment>,
+    exact: Vec<Segment>,
+    places: Vec<Place>,
+}
+
+/// One segment's step.
+struct Move {
+    from: Place,
+    target: Place,
+    to: Place,
+    codes: [u16; 3],
+}
+
+impl Mirror {
+    fn new(instrument: Instrument) -> Self {
+        let segments = |numbers| {
+            (0..instrument.count()).map(|i| Segment::new(&instrument, i, numbers)).collect()
+        };
+        Self {
+            stored: segments(Numbers::Stored),
+            exact: segments(Numbers::Physical),
+            places: vec![[0.0; 3]; instrument.count()],
+            config: instrument.config(),
+            path: Box::default(),
+            frame: 0,
+            instrument,
+        }
+    }
+
+    /// One frame: random commands, half of them forgotten, and a global tilt.
+    fn step(&mut self, global: [i32; 2], rng: &mut Rng) -> (Report, Vec<Move>) {
+        let centroid = |_| Some([0; 2].map(|_: i32| rng.between(-3 << 15, 3 << 15)));
+        let centroids: Vec<_> = (0..self.instrument.count()).map(centroid).collect();
+        let frame = frames::steered(&self.instrument, centroids, 60_000);
+        self.path.set_global_tilt(GlobalTilt { tilt_ulp: global, frame: self.frame });
+        let report = step(&mut self.path, &self.config, self.frame, &frame);
+        self.frame += 1;
+        let limit = f64::from(TILT_LIMIT);
+        let state = self.path.commands().iter().zip(self.path.positions()).zip(self.path.codes());
+        let cells = self.instrument.mask.cells();
+        let mut moves = Vec::new();
+        for (((command, position), codes), ((x, y), place)) in
+            state.zip(cells.zip(&mut self.places))
+        {
+            let [tip, tilt] = [0, 1].map(|axis| {
+                (f64::from(command[axis]) + f64::from(global[axis])).clamp(-limit, limit)
+            });
+            // A tilt rises by twice its centre-to-edge path from one segment to the next.
+            let [x, y] = [x, y].map(|i| 2.0 * i as f64 - 7.0);
+            let plane = f64::from(global[0]) * x + f64::from(global[1]) * y;
+            let target = [plane.clamp(-PISTON, PISTON), tip, tilt];
+            let to = at(position);
+            moves.push(Move { from: *place, target, to, codes: *codes });
+            *place = to;
+        }
+        (report, moves)
+    }
+}
+
+fn at(position: &Position) -> Place {
+    let [tip, tilt] = position.tilt_ulp;
+    [position.piston_ulp, tip, tilt].map(f64::from)
+}
+
+/// Global tilts of every size, largest included.
+fn global(rng: &mut Rng) -> [i32; 2] {
+    let size = 1 << rng.between(8, 23);
+    match rng.below(4) {
+        0 => [0; 2],
+        1 => [0; 2].map(|_: i32| size * (2 * rng.between(0, 1) - 1)),
+        _ => [0; 2].map(|_: i32| rng.between(-size, size)),
+    }
+}
+
+/// Heights that a segment's codes give are within its actuators' limits to half a code, and codes
+/// are within their DAC.
+#[test]
+fn heights_stay_within_limits() {
+    let mut rng = Rng::new(51);
+    for _ in 0..60 {
+        let mut mirror = Mirror::new(uneven(&mut rng));
+        for _ in 0..25 {
+            let (_, moves) = mirror.step(global(&mut rng), &mut rng);
+            for (m, segment) in moves.iter().zip(&mirror.exact) {
+                for (actuator, &code) in m.codes.iter().enumerate() {
+                    let code = f64::from(code);
+                    assert!(code <= segment.top_code());
+                    let [low, high] = segment.limits[actuator];
+                    // The codes of the limits, in either direction of the response.
+                    let ends = [low, high].map(|height| segment.code(actuator, height));
+                    let [least, most] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+                    // Half a code, and the response's own rounding.
+                    assert!(code >= least - 0.51 && code <= most + 0.51, "{code} {ends:?}");
+                }
+            }
+        }
+    }
+}
+
+/// The codes are those of the position that is reported, by the law of the drive.
+#[test]
+fn codes_follow_the_law() {
+    let mut rng = Rng::new(52);
+    let (mut worst, mut count) = (0.0f64, 0);
+    for _ in 0..80 {
+        let mut mirror = Mirror::new(uneven(&mut rng));
+        for _ in 0..20 {
+            let (_, moves) = mirror.step(global(&mut rng), &mut rng);
+            for (m, segment) in moves.iter().zip(&mirror.stored) {
+                let heights = segment.heights(m.to).into_iter().zip(segment.limits);
+                for (actuator, (height, [low, high])) in heights.enumerate() {
+                    // Rounding may take a height an ulp or two past its limit; never the code.
+                    assert!(height >= low - 2.0 && height <= high + 2.0, "{height} {low} {high}");
+                    let exact = segment.code(actuator, height.clamp(low, high));
+                    let error = (f64::from(m.codes[actuator]) - exact).abs();
+                    worst = worst.max(error);
+                    count += 1;
+                    assert!(error <= 1.0, "{} for {exact}", m.codes[actuator]);
+                }
+            }
+        }
+    }
+    println!("codes: largest error {worst:.3} of {count}");
+}
+
+/// Tip and tilt are kept exactly when some piston makes them reachable, and the piston is then
+/// the nearest to what was asked for; otherwise both shrink by the largest factor that is
+/// feasible.
+#[test]
+fn tip_and_tilt_have_priority() {
+    let mut rng = Rng::new(53);
+    let (mut kept, mut moved, mut shrunk, mut worst) = (0, 0, 0, 0.0f64);
+    for _ in 0..100 {
+        let mut mirror = Mirror::new(uneven(&mut rng));
+        for _ in 0..25 {
+            let (_, moves) = mirror.step(global(&mut rng), &mut rng);
+            for (m, segment) in moves.iter().zip(&mirror.stored) {
+                let (target, to) = ([m.target[1], m.target[2]], [m.to[1], m.to[2]]);
+                let scale = segment.scale(target);
+                if to == target {
+                    // Within what Q13 inverses of the piston column allow: 2^-14 of a stroke.
+                    assert!(segment.room(target) >= -STROKE / 4096.0, "{}", segment.room(target));
+                    kept += 1;
+                } else {
+                    if segment.room(target) > STEP { println!("target {:?} to {:?} scale {scale} limits {:?} matrix {:?}", m.target, m.to, segment.limits, segment); }
+                    assert!(segment.room(target) < STEP, "out of reach: {}", segment.room(target));
+                    let longer = usize::from(target[0].abs() < target[1].abs());
+                    let found = to[longer] / target[longer];
+                    let error = (found - scale).abs();
+                    worst = worst.max(error);
+                    assert!(error <= 1e-3, "{found} of {scale}");
+                    // One factor for both, rounded towards zero.
+                    let other = target[1 - longer] * found;
+                    assert!((to[1 - longer] - other).abs() <= 2.0);
+                    shrunk += 1;
+                }
+                let [low, high] = segment.pistons(to);
+                let nearest = m.target[0].min(high).max(low.min(high));
+                moved += u32::from(nearest != m.target[0]);
+                let error = (m.to[0] - nearest).abs();
+                assert!(error <= 4.0 + STROKE / 8192.0, "{} {nearest} in {low} {high}", m.to[0]);
+            }
+        }
+    }
+    println!("kept {kept}, piston moved {moved}, shrunk {shrunk}; scale within {worst:.1e}");
+    assert!(kept > 5000 && moved > 5000 && shrunk > 5000);
+}

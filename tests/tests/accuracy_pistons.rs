@@ -141,11 +141,12 @@ fn pipeline_converges_to_least_squares() {
             let centroid = |_| Some([0; 2].map(|_: i32| rng.between(-half, half)));
             let centroids: Vec<_> = (0..mask.count()).map(centroid).collect();
             let frame = frames::steered(&instrument, centroids, 60_000);
-            let dark = frames::steered(&instrument, vec![None; mask.count()], 60_000);
+            let centred = vec![Some([0; 2]); mask.count()];
+            let still = frames::steered(&instrument, centred, 60_000);
             let mut saturated = 0;
             // Two frames set the commands; the others see that these are right.
             for number in 0..200 {
-                let seen = if number < 2 { &frame } else { &still(&instrument, &dark) };
+                let seen = if number < 2 { &frame } else { &still };
                 saturated += step(&mut path, &config, number, seen).saturated_actuators;
             }
             assert_eq!(saturated, 0, "{name}: the stroke is enough");
@@ -157,7 +158,7 @@ fn pipeline_converges_to_least_squares() {
                 worst = (error, name.clone());
             }
             assert!(error <= ULP_PER_LSB, "{name}: {error} ulp");
-            assert!(rms(exact) > 100.0 * ULP_PER_LSB || mask.count() < 12, "{name}");
+            assert!(rms(exact) > 10.0 * ULP_PER_LSB || mask.count() < 12, "{name}");
         }
     });
     println!(
@@ -166,11 +167,6 @@ fn pipeline_converges_to_least_squares() {
         worst.0 / 512.0,
         worst.1
     );
-}
-
-/// A frame of centred spots.
-fn still(instrument: &Instrument, _: &[u16]) -> Vec<u16> {
-    frames::steered(instrument, vec![Some([0; 2]); instrument.count()], 60_000)
 }
 
 /// Random tilts at their largest: every sum of the solver is at its bound, and what it reports is
@@ -256,7 +252,7 @@ fn reported_residual_is_that_of_commands_and_pistons() {
                 let image = pupil.laplacian(&pistons);
                 let r = rhs.iter().zip(&image).map(|(b, lp)| ((b - lp) / 8.0).floor());
                 let exact: f64 = r.map(|r| r * r).sum();
-                assert!(exact > 1e6, "there is a residual");
+                assert!(exact > 1e4, "there is a residual");
                 assert_eq!(report.residual_squared as f64, exact);
             }
         }
@@ -284,23 +280,30 @@ fn omega_is_that_of_the_spectrum() {
     println!("omega: largest error {worst:.1e}");
 }
 
+/// On a full square the spectrum has a close bound in closed form, for sizes that a dense solver
+/// does not reach. With a = cos(pi / (N - 1)), a row's second eigenvalue, the Rayleigh quotient of
+/// cos(pi x / (N - 1)) over the square is
+///
+/// ```text
+/// (a N + N + 1) / (2 N + 1) <= mu
+/// ```
+///
+/// since that function is orthogonal to the first vector; it is exact but for the corners. (That
+/// of both axes, cos(pi x / (N - 1)) cos(pi y / (N - 1)), is an exact eigenvector, of value a.)
 #[test]
-fn probe_square() {
-    for n in [4, 6, 8, 12, 16] {
-        let mu = Pupil::new(&Mask::square(n).expect("")).second_singular_value();
-        let nf = n as f64;
-        println!(
-            "N {n}: mu {mu:.6} omega {:.5}; southwell {:.5}; cos(pi/N) {:.6} cos(pi/(N-1)) {:.6} (1+cos)/2 {:.6} {:.6}; circle {:.5}, annulus {:.5}",
-            Pupil::new(&Mask::square(n).expect("")).relaxation_factor(),
-            2.0 / (1.0 + f64::sin(PI / (nf + 1.0))),
-            f64::cos(PI / nf),
-            f64::cos(PI / (nf - 1.0)),
-            (1.0 + f64::cos(PI / nf)) / 2.0,
-            (1.0 + f64::cos(PI / (nf - 1.0))) / 2.0,
-            Pupil::new(&circle(n)).relaxation_factor(),
-            Pupil::new(&annulus(n)).relaxation_factor()
-        );
-    }
+fn omega_of_a_square_follows_its_bound() {
+    with_big_stack(|| {
+        for across in 4..=40 {
+            let n = across as f64;
+            let a = f64::cos(PI / (n - 1.0));
+            let mu = (a * n + n + 1.0) / (2.0 * n + 1.0);
+            let bound = 2.0 / (1.0 + f64::sqrt(1.0 - mu * mu));
+            let found = Solver::new(Mask::square(across).expect("4 to 40")).config.omega();
+            let excess = found - bound;
+            println!("N = {across}: omega {found:.5}, bound {bound:.5}");
+            assert!((-1e-5..=0.2 / (n * n)).contains(&excess), "N = {across}: {found} {bound}");
+        }
+    });
 }
 
 /// Piston variance per slope variance at unit pitch for white slope noise, as published for the
@@ -315,38 +318,180 @@ const NOISE_GAINS: [(usize, f64, f64); 6] = [
 ];
 
 /// A slope is a path difference per pitch, twice that from centre to edge.
+///
+/// The exact gain is the trace of the dense covariance; the solver's is that of uniform random
+/// tilts, with a statistical error below 0.7 %, and once more relative to the exact pistons of
+/// the same tilts, without one.
 #[test]
 fn noise_gain_is_the_published_one() {
-    with_big_stack(|| {
+    let check = |across: usize, mask: Mask, published: f64| {
+        let pupil = Pupil::new(&mask);
+        let exact = pupil.noise_gain();
+        let mut solver = Solver::new(mask);
+        let mut rng = Rng::new(36);
+        let runs = if across <= 10 { 8500 } else { 6000 - 100 * across as u32 };
+        let (mut slopes, mut sizes, mut pairs) = (0.0, Vec::new(), [0.0; 2]);
+        for run in 0..runs {
+            let tilts = random_tilts(&mask, 1 << 16, &mut rng);
+            slopes += floats(&tilts).iter().flatten().map(|t| 4.0 * t * t).sum::<f64>() / 2.0;
+            solver.relax(&tilts, 4 * across as u16);
+            solver.remove_means();
+            let square = |pistons: &[f64]| pistons.iter().map(|p| p * p).sum::<f64>();
+            let size = square(&solver.pistons());
+            sizes.push(size);
+            if run < 20 {
+                pairs[0] += size;
+                pairs[1] += square(&pupil.least_squares(&floats(&tilts)));
+            }
+        }
+        let total: f64 = sizes.iter().sum();
+        let mean = total / f64::from(runs);
+        let error = rms(sizes.iter().map(|s| s / mean - 1.0)) / f64::from(runs).sqrt();
+        let gain = total / slopes;
+        println!(
+            "N = {across}, {} nodes: {gain:.4} +- {:.2} %, exact {exact:.4}, published {published}",
+            mask.count(),
+            100.0 * error
+        );
+        assert!(error <= 7e-3, "statistical error {error}");
+        assert!((exact / published - 1.0).abs() <= 0.02);
+        assert!((gain / published - 1.0).abs() <= 0.02);
+        assert!((pairs[0] / pairs[1] - 1.0).abs() <= 1e-3, "{pairs:?}");
+    };
+    std::thread::scope(|scope| {
         for (across, on_circle, on_square) in NOISE_GAINS {
-            let masks =
-                [(circle(across), on_circle), (Mask::square(across).expect("4"), on_square)];
-            for (mask, published) in masks {
-                let exact = Pupil::new(&mask).noise_gain();
-                let mut solver = Solver::new(mask);
-                let mut rng = Rng::new(36);
-                let (mut slopes, mut pistons) = (0.0, 0.0);
-                let runs = 600;
-                let mut each = Vec::new();
-                for _ in 0..runs {
-                    let tilts = random_tilts(&mask, 1 << 16, &mut rng);
-                    slopes +=
-                        floats(&tilts).iter().flatten().map(|t| 4.0 * t * t).sum::<f64>() / 2.0;
-                    solver.relax(&tilts, 8 * across as u16);
-                    solver.remove_means();
-                    let size = solver.pistons().iter().map(|p| p * p).sum::<f64>();
-                    pistons += size;
-                    each.push(size);
-                }
-                let gain = pistons / slopes;
-                let mean = pistons / f64::from(runs);
-                let spread = rms(each.iter().map(|v| v / mean - 1.0)) / f64::from(runs).sqrt();
-                println!(
-                    "N = {across}, {} nodes: {gain:.4} +- {:.2} %, exact {exact:.4}, published {published}",
-                    mask.count(),
-                    100.0 * spread
-                );
+            let square = Mask::square(across).expect("4 to 40");
+            for (mask, published) in [(circle(across), on_circle), (square, on_square)] {
+                scope.spawn(move || with_big_stack(|| check(across, mask, published)));
             }
         }
     });
+}
+
+/// Radians of path per ulp.
+fn rad_per_ulp() -> f64 {
+    TAU / WAVELENGTH_M * Instrument::circle(4, 4).ulp_m()
+}
+
+/// Wavefront error that square segments leave when their pitch is r0: sqrt(0.175) rad.
+const RESIDUAL_RAD: f64 = 0.4183;
+
+/// Kolmogorov turbulence with r0 of one pitch, as plane waves; a pupil sees two layers cross it at
+/// right angles, 60 and 40 % of it.
+struct Flow {
+    /// Amplitude (rad), angular frequency along x and y (rad per pitch), phase, and layer.
+    waves: Vec<(f64, [f64; 2], f64, usize)>,
+}
+
+impl Flow {
+    /// Phase variance 0.0229 f^(-11/3) per unit of f^2 (cycles per pitch), in rings from 1e-6 to
+    /// 1 cycle per pitch, twelve directions each.
+    fn new(rng: &mut Rng) -> Self {
+        let mut waves = Vec::new();
+        let (rings, directions) = (72, 12);
+        for (layer, part) in [0.6, 0.4].into_iter().enumerate() {
+            for ring in 0..rings {
+                let edge = |i: i32| f64::powf(10.0, -6.0 + 6.0 * f64::from(i) / f64::from(rings));
+                let (low, high) = (edge(ring), edge(ring + 1));
+                let f = (low * high).sqrt();
+                let variance = part * 0.0229 * f.powf(-11.0 / 3.0) * PI * (high * high - low * low);
+                for direction in 0..directions {
+                    let turn = (f64::from(direction) + rng.unit()) / f64::from(directions);
+                    let (sin, cos) = (TAU * turn).sin_cos();
+                    let amplitude = (2.0 * variance / f64::from(directions)).sqrt();
+                    let k = [TAU * f * cos, TAU * f * sin];
+                    waves.push((amplitude, k, TAU * rng.unit(), layer));
+                }
+            }
+        }
+        Self { waves }
+    }
+
+    /// Tip and tilt, ulp from centre to edge, of a mask's subapertures in frame `t`: the mean
+    /// gradient over each, as the layers move an eighth of a pitch a frame.
+    fn tilts(&self, mask: &Mask, t: i32) -> Vec<[f64; 2]> {
+        let mut tilts = vec![[0.0; 2]; mask.count()];
+        let sinc = |u: f64| if u.abs() < 1e-9 { 1.0 } else { u.sin() / u };
+        for &(amplitude, k, phase, layer) in &self.waves {
+            let moved = phase - k[layer] * f64::from(t) / 8.0;
+            // Mean over the square, half a pitch of it, and radians to ulp.
+            let size = amplitude * sinc(k[0] / 2.0) * sinc(k[1] / 2.0) / 2.0 / rad_per_ulp();
+            for (tilts, (x, y)) in tilts.iter_mut().zip(mask.cells()) {
+                let slope = -size * (k[0] * x as f64 + k[1] * y as f64 + moved).sin();
+                tilts.iter_mut().zip(k).for_each(|(tilt, k)| *tilt += slope * k);
+            }
+        }
+        tilts
+    }
+}
+
+/// At the default sweeps, ceil(N/2) a frame and four times that for the first, the piston error
+/// stays within a tenth of the residual wavefront error while turbulence crosses the pupil: with
+/// the absolute tilts of each frame as commands, which change more than a loop's. An obstruction
+/// of 0.3 takes half as many sweeps again.
+#[test]
+fn warm_sweeps_track_frozen_flow() {
+    let check = |name: &str, mask: Mask, sweeps: u16| {
+        let across = mask.across();
+        let pupil = Pupil::new(&mask);
+        let mut solver = Solver::new(mask);
+        let flow = Flow::new(&mut Rng::new(37));
+        let (mut errors, mut sizes) = (Vec::new(), Vec::new());
+        for frame in 0..60 {
+            // The mean tilt is a natural guide star's business.
+            let mut tilts = flow.tilts(&mask, frame);
+            for axis in 0..2 {
+                let mean = tilts.iter().map(|t| t[axis]).sum::<f64>() / mask.count() as f64;
+                tilts.iter_mut().for_each(|t| t[axis] -= mean);
+            }
+            let tilts: Vec<_> = tilts.iter().map(|t| t.map(|t| t.round() as i32)).collect();
+            solver.relax(&tilts, if frame == 0 { 4 * sweeps } else { sweeps });
+            solver.remove_means();
+            let exact = pupil.least_squares(&floats(&tilts));
+            let error = solver.pistons().into_iter().zip(&exact).map(|(p, e)| p - e);
+            errors.push(rms(error) * rad_per_ulp());
+            sizes.push(rms(exact) * rad_per_ulp());
+        }
+        let (cold, warm) = (errors[0], &errors[1..]);
+        let worst = largest(warm.iter().copied());
+        println!(
+            "{name} {across}: pistons {:.2} rad, cold {:.2} %, warm rms {:.2} %, worst {:.2} % of {RESIDUAL_RAD} rad",
+            rms(sizes),
+            100.0 * cold / RESIDUAL_RAD,
+            100.0 * rms(warm.iter().copied()) / RESIDUAL_RAD,
+            100.0 * worst / RESIDUAL_RAD
+        );
+        assert!(cold <= 0.1 * RESIDUAL_RAD, "N = {across}: {cold} rad after the first frame");
+        assert!(worst <= 0.1 * RESIDUAL_RAD, "N = {across}: {worst} rad");
+    };
+    std::thread::scope(|scope| {
+        for across in [4usize, 8, 16, 32, 40] {
+            let sweeps = across.div_ceil(2) as u16;
+            assert_eq!(with_big_stack(|| Solver::new(circle(across)).config.sweeps()), sweeps);
+            let more = across.div_ceil(4) as u16;
+            let cases =
+                [("circle", circle(across), sweeps), ("annulus", annulus(across), sweeps + more)];
+            for (name, mask, sweeps) in cases {
+                scope.spawn(move || with_big_stack(|| check(name, mask, sweeps)));
+            }
+        }
+    });
+}
+
+/// The waves make the turbulence that they should: 6.88 r^(5/3) rad^2 between points r pitches
+/// apart.
+#[test]
+fn flow_is_kolmogorov() {
+    let flows = (0..200).map(|seed| Flow::new(&mut Rng::new(seed)));
+    let structure = |flow: &Flow, r: f64| -> f64 {
+        let square = |(a, k, ..): &(f64, [f64; 2], f64, usize)| a * a * (1.0 - (k[0] * r).cos());
+        flow.waves.iter().map(square).sum()
+    };
+    let flows: Vec<_> = flows.collect();
+    for r in [2.0f64, 8.0, 40.0] {
+        let mean = flows.iter().map(|flow| structure(flow, r)).sum::<f64>() / 200.0;
+        let ratio = mean / (6.88 * r.powf(5.0 / 3.0));
+        println!("r = {r}: {ratio:.3}");
+        assert!((ratio - 1.0).abs() < 0.1);
+    }
 }

@@ -1,9 +1,8 @@
 //! Centroids as mean gradients of the wavefront, without diffraction.
 
 use super::OpticsError;
-use super::phase::Path;
+use super::phase::{Path, check_geometry};
 use super::sampling::{Footprint, Stencil};
-use super::splash_image::check_geometry;
 use crate::atmosphere::{Atmosphere, Flow};
 use crate::pupil::{Mirror, Pupil};
 use rayon::prelude::*;

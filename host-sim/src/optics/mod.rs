@@ -9,6 +9,7 @@
 //! | [`science`] | residual phase, variance and Strehl ratio of the corrected star |
 //! | [`long_exposure`] | its mean point spread function |
 
+mod block_otf;
 pub(crate) mod error;
 mod focal_plane;
 pub mod geometric;

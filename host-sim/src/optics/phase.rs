@@ -1,5 +1,7 @@
 //! The phase that turbulence leaves along each of the paths through it.
 
+use super::OpticsError;
+use super::error::positive;
 use super::sampling::{Footprint, Taps};
 use crate::atmosphere::Atmosphere;
 use crate::pupil::Pupil;
@@ -100,4 +102,31 @@ fn resample_row(texels: &[f32], columns: &[Taps], out: &mut [f32]) {
         let texels = &texels[taps.first..taps.first + 4];
         *out = texels.iter().zip(&taps.weights).map(|(texel, weight)| texel * weight).sum();
     }
+}
+
+/// Whether `pupil` fits in the atmosphere's footprint, and the layers below the beacon if any.
+pub(crate) fn check_geometry(
+    pupil: &Pupil,
+    atmosphere: &Atmosphere,
+    beacon_height_m: Option<f64>,
+) -> Result<(), OpticsError> {
+    let footprint_m = atmosphere.footprint_m();
+    if pupil.diameter_m() > footprint_m * (1.0 + 1e-9) {
+        let limit = format!("<= the atmosphere's footprint of {footprint_m} m");
+        return Err(OpticsError::range("diameter_m", pupil.diameter_m(), limit));
+    }
+    if let Some(beacon_m) = beacon_height_m {
+        positive("beacon_height_m", beacon_m)?;
+        for (index, height_m) in atmosphere.heights_m().enumerate() {
+            if height_m >= beacon_m {
+                let limit = format!("< the beacon's height of {beacon_m} m");
+                return Err(OpticsError::range(
+                    format!("layers[{index}].height_m"),
+                    height_m,
+                    limit,
+                ));
+            }
+        }
+    }
+    Ok(())
 }

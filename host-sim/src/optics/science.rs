@@ -2,8 +2,7 @@
 
 use super::OpticsError;
 use super::error::positive;
-use super::phase::{Path, PhaseSampler};
-use super::splash_image::check_geometry;
+use super::phase::{Path, PhaseSampler, check_geometry};
 use crate::atmosphere::Atmosphere;
 use crate::pupil::{Mirror, Pupil};
 

@@ -6,13 +6,11 @@
 //! the same gradient on the way down moves its image back.
 
 use super::OpticsError;
-use super::error::positive;
+use super::block_otf::{BlockOtf, BlockOtfScratch};
 use super::focal_plane::{FocalPlane, FocalPlaneScratch};
 use super::lane_fft::LANES;
-use super::otf::{
-    BlockOtf, BlockOtfScratch, HighLayer, Lags, PathPhase, PupilOtf, PupilOtfScratch,
-};
-use super::phase::{Path, PhaseSampler};
+use super::otf::{HighLayer, Lags, PathPhase, PupilOtf, PupilOtfScratch};
+use super::phase::{Path, PhaseSampler, check_geometry};
 use super::sampling::{Footprint, Taps};
 use crate::atmosphere::Atmosphere;
 use crate::pupil::{Mirror, Pupil};
@@ -297,31 +295,4 @@ fn to_lanes(rows: &[f32], side: usize, lanes: &mut [f32]) {
             lanes[row % LANES] = *value;
         }
     }
-}
-
-/// Whether `pupil` fits in the atmosphere's footprint, and the layers below the beacon if any.
-pub(crate) fn check_geometry(
-    pupil: &Pupil,
-    atmosphere: &Atmosphere,
-    beacon_height_m: Option<f64>,
-) -> Result<(), OpticsError> {
-    let footprint_m = atmosphere.footprint_m();
-    if pupil.diameter_m() > footprint_m * (1.0 + 1e-9) {
-        let limit = format!("<= the atmosphere's footprint of {footprint_m} m");
-        return Err(OpticsError::range("diameter_m", pupil.diameter_m(), limit));
-    }
-    if let Some(beacon_m) = beacon_height_m {
-        positive("beacon_height_m", beacon_m)?;
-        for (index, height_m) in atmosphere.heights_m().enumerate() {
-            if height_m >= beacon_m {
-                let limit = format!("< the beacon's height of {beacon_m} m");
-                return Err(OpticsError::range(
-                    format!("layers[{index}].height_m"),
-                    height_m,
-                    limit,
-                ));
-            }
-        }
-    }
-    Ok(())
 }
