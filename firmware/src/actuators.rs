@@ -6,8 +6,9 @@
 //! ```
 //!
 //! Both are one line v(h) and, for the quadratic response, a rounded square root. `h` is in ulp
-//! above the actuator's zero, 0 ..= 2^25; v is 31 bits, c0 and c1 (the change of v over a quarter
-//! of the stroke) are i32 and the product i64 (2^31 x 2^25 = 2^56). The response is monotonic and both ends of the height range are
+//! above the actuator's zero, 0 ..= 2^25; v is 31 bits within the range in use; c0 (in
+//! units of 8: a response may start several strokes away) and c1 (the change of v over a quarter of
+//! the stroke) are i32 and the product i64 (2^31 x 2^25 = 2^56). The response is monotonic and both ends of the height range are
 //! checked when the configuration is built, so a code never leaves its DAC; rounding is to
 //! nearest.
 
@@ -26,7 +27,7 @@ pub enum Law {
 /// The line v(h) of one actuator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Response {
-    /// v at height 0.
+    /// v at height 0, in units of 2^[`OFFSET_BITS`].
     pub(crate) offset: i32,
     /// Change of v over 2^23 ulp, a quarter of the stroke.
     pub(crate) slope: i32,
@@ -36,11 +37,16 @@ pub(crate) struct Response {
 /// more than a quarter of the nominal stroke still fit.
 pub(crate) const SLOPE_BITS: u32 = 23;
 
+/// Binary exponent of [`Response::offset`]: an eighth of what one ulp of height changes v by, and
+/// room for the 2^33.4 that an offset can reach at a quarter of the stroke's span.
+pub(crate) const OFFSET_BITS: u32 = 3;
+
 /// The DAC code for `height_ulp`.
 #[inline(always)]
 pub(crate) fn code(response: Response, law: Law, height_ulp: u32) -> u16 {
     let rise = (i64::from(response.slope) * i64::from(height_ulp)) >> SLOPE_BITS;
-    let v = (i64::from(response.offset) + rise).clamp(0, i64::from(i32::MAX)) as u32;
+    let v = (i64::from(response.offset) << OFFSET_BITS).wrapping_add(rise);
+    let v = v.clamp(0, i64::from(i32::MAX)) as u32;
     match law {
         Law::Linear => ((v + (1 << 14)) >> 15).min(u32::from(u16::MAX)) as u16,
         Law::Quadratic => fixed::sqrt_rounded(v << 1),

@@ -4,13 +4,16 @@
 //! 2y - (W - 1), integers for odd and even windows alike:
 //!
 //! ```text
-//! I  = sum s                u32, < 2^26         (1024 pixels of 16 bits)
-//! Mx = sum s (2x - (W-1))   i32, < 2^30         (65535 x 32 x 512)
+//! I  = sum s                < 2^26 (1024 pixels of 16 bits); weighted, < 2^42
+//! Mx = sum s (2x - (W-1))   < 2^30 (65535 x 32 x 512); weighted, < 2^46
 //! cx = Mx 2^15 / I          i32, Q16 pixels, within 1 ulp of the exact quotient
 //! ```
 //!
 //! The sums stream: a window's row is added as it arrives and nothing is kept of it, except for
-//! brightest-n, which buffers its window. The reciprocal of I is one fixed sequence of divisions
+//! brightest-n, which buffers its window. A row's sums are 32 bits wide and exact, a window's 64.
+//! A weighted sum is shifted down to 26 bits together with its moments before it is divided by: the
+//! weights are two products of 8 bits, and rounding each would cost what faint spots are made of.
+//! The reciprocal of I is one fixed sequence of divisions
 //! ([`fixed::reciprocal`]); a window without signal divides by one and yields zero, and its flux
 //! marks it as invalid.
 //!
@@ -58,46 +61,52 @@ pub struct Measurement {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Moments {
     /// I.
-    pub(crate) sum: u32,
+    pub(crate) sum: u64,
     /// Mx, half pixels.
-    pub(crate) x: i32,
+    pub(crate) x: i64,
     /// My, half pixels.
-    pub(crate) y: i32,
+    pub(crate) y: i64,
     /// Largest calibrated pixel so far.
     pub(crate) peak: u16,
     /// Saturated pixels so far.
     pub(crate) saturated: u16,
 }
 
+/// Bits of the divisor of a centroid: those of the largest plain sum.
+const SUM_BITS: u32 = 26;
+
 impl Moments {
     /// No signal yet.
     pub(crate) const ZERO: Self = Self { sum: 0, x: 0, y: 0, peak: 0, saturated: 0 };
 
-    /// Adds window row `y` with sum `sum` and x moment `x`.
-    ///
-    /// `|my|` stays below 65535 W sum|2y - (W-1)| <= 2^16 32 512 = 2^30.
+    /// Adds window row `y` with sum `sum` (below 2^37) and x moment `x`.
     #[inline(always)]
-    pub(crate) fn add_row(&mut self, window: usize, y: usize, sum: u32, x: i32) {
+    pub(crate) fn add_row(&mut self, window: usize, y: usize, sum: u64, x: i64) {
         self.sum = self.sum.wrapping_add(sum);
         self.x = self.x.wrapping_add(x);
-        self.y = self.y.wrapping_add((sum as i32).wrapping_mul(half_pixels(window, y)));
+        let weighted = (sum as i64).wrapping_mul(i64::from(half_pixels(window, y)));
+        self.y = self.y.wrapping_add(weighted);
     }
 
     /// The centroid of what has been added, Q16 pixels from the window's centre.
     #[inline]
     pub(crate) fn centroid_q16(&self) -> [i32; 2] {
-        let reciprocal = fixed::reciprocal(self.sum) as i64;
-        // |M| <= 31 I, so the product stays below 31 2^48; 2^48 / 2^33 = 2^15 = 2^16 per half.
+        // Zero for plain sums. The bits that a weighted sum loses are below 2^-25 of it.
+        let excess = (u64::BITS - SUM_BITS).saturating_sub(self.sum.leading_zeros());
+        let reciprocal = fixed::reciprocal((self.sum >> excess) as u32) as i64;
+        // |M| <= 31 I, so the product stays below 2^54; 2^48 / 2^33 = 2^15 = 2^16 per half.
         const SHIFT: u32 = 48 - (CENTROID_BITS - 1);
         [self.x, self.y]
-            .map(|m| fixed::round_shift(i64::from(m).wrapping_mul(reciprocal), SHIFT) as i32)
+            .map(|m| fixed::round_shift((m >> excess).wrapping_mul(reciprocal), SHIFT) as i32)
     }
 
+    /// The measurement; `weight_bits` is the fraction that weights added to the sums.
     #[inline]
-    pub(crate) fn measurement(&self) -> Measurement {
+    pub(crate) fn measurement(&self, weight_bits: u32) -> Measurement {
+        let half = (1u64 << weight_bits) >> 1;
         Measurement {
             centroid_q16: self.centroid_q16(),
-            flux: self.sum,
+            flux: (self.sum.wrapping_add(half) >> weight_bits) as u32,
             peak: self.peak,
             saturated: self.saturated,
         }
@@ -110,34 +119,33 @@ fn half_pixels(window: usize, i: usize) -> i32 {
     2 * i as i32 - (window as i32 - 1)
 }
 
-/// Sum and x moment of one window row of signal.
+/// Sum and x moment of one window row of signal: below 2^21, and within 2^25.
 #[inline(always)]
-pub(crate) fn row_moments(signal: &[u16]) -> (u32, i32) {
+pub(crate) fn row_moments(signal: &[u16]) -> (u64, i64) {
     let window = signal.len();
-    signal.iter().enumerate().fold((0u32, 0i32), |(sum, x), (i, &s)| {
+    let (sum, x) = signal.iter().enumerate().fold((0u32, 0i32), |(sum, x), (i, &s)| {
         let weighted = i32::from(s).wrapping_mul(half_pixels(window, i));
         (sum.wrapping_add(u32::from(s)), x.wrapping_add(weighted))
-    })
+    });
+    (u64::from(sum), i64::from(x))
 }
 
-/// Multiplies a row of signal by a row of the template (Q8), rounded; stays u16.
-#[inline(always)]
-pub(crate) fn weigh(signal: &mut [u16], weights: &[u8]) {
-    for (s, &w) in signal.iter_mut().zip(weights) {
-        *s = ((u32::from(*s) * u32::from(w) + 128) >> 8) as u16;
-    }
-}
+/// Fraction bits of the two weights of a pixel, its column's and its row's.
+pub(crate) const WEIGHT_BITS: u32 = 16;
 
-/// Multiplies a row's sums by the template's weight for that row (Q8), rounded.
-///
-/// Sums of a row stay below 2^21 and moments below 2^26: times 2^8 they fit 64 bits with room.
+/// Sum and x moment of one window row, each pixel times the weight of its column (Q8) and all
+/// times that of the row (Q8): exact, below 2^37 and within 2^41.
 #[inline(always)]
-pub(crate) fn weigh_row(sum: u32, x: i32, weight: u8) -> (u32, i32) {
-    let w = i64::from(weight);
-    (
-        fixed::round_shift(i64::from(sum) * w, 8) as u32,
-        fixed::round_shift(i64::from(x) * w, 8) as i32,
-    )
+pub(crate) fn weighted_row_moments(signal: &[u16], weights: &[u8], row: u8) -> (u64, i64) {
+    let window = signal.len();
+    let pixels = signal.iter().zip(weights).enumerate();
+    let (sum, x) = pixels.fold((0u32, 0i64), |(sum, x), (i, (&s, &w))| {
+        // 65535 x 255 x 31 < 2^29.
+        let product = u32::from(s).wrapping_mul(u32::from(w));
+        let moment = (product as i32).wrapping_mul(half_pixels(window, i));
+        (sum.wrapping_add(product), x.wrapping_add(i64::from(moment)))
+    });
+    (u64::from(sum) * u64::from(row), x.wrapping_mul(i64::from(row)))
 }
 
 /// Steps of a pixel by which the template can be placed.

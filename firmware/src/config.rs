@@ -18,7 +18,10 @@ use crate::quantise::Quantiser;
 use crate::segments::{ACTUATORS, Segment};
 use crate::slopes::SlopeCalibration;
 use crate::sor::{Links, Node, SorConfig};
-use crate::spec::Spec;
+use crate::spec::{SorSpec, Spec};
+
+/// Sweeps of the first frame after a reset, in those of any other: it starts from nothing.
+const COLD: u16 = 4;
 
 /// Where a window is and whose it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,7 +130,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             quantiser.gains(i)?;
             quantiser.responses(i, &quantiser.segment(i)?)?;
         }
-        let (warm_sweeps, cold_sweeps, omega) = check_sor(spec)?;
+        check_sor(spec)?;
 
         self.mask = Some(spec.mask);
         self.width = spec.detector.width;
@@ -148,7 +151,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.adu_per_unit = quantiser.adu_per_unit;
         self.fill_subapertures(&quantiser, spec)?;
         self.fill_bank(&quantiser, spec);
-        self.fill_sor(&spec.mask, warm_sweeps, cold_sweeps, omega);
+        self.fill_sor(&spec.mask, &spec.sor);
         Ok(())
     }
 
@@ -190,12 +193,10 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         }
     }
 
-    fn fill_sor(&mut self, mask: &Mask, warm: u16, cold: u16, omega: Option<f64>) {
+    fn fill_sor(&mut self, mask: &Mask, spec: &SorSpec) {
         let grid = Grid::new(mask.across());
         let sor = &mut self.sor;
         sor.grid = grid;
-        sor.warm_sweeps = warm;
-        sor.cold_sweeps = cold;
         sor.step.fill(0);
         sor.links.fill(Links::NONE);
         self.nodes.clear();
@@ -219,7 +220,10 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             }
             let _ = sor.inverse_sizes.push((1 << 24) / size as u32);
         }
-        self.omega = omega.unwrap_or_else(|| omega::optimal(sor, &self.nodes));
+        self.omega = spec.omega.unwrap_or_else(|| omega::optimal(sor, &self.nodes));
+        let sweeps = spec.sweeps.unwrap_or_else(|| omega::sweeps(self.omega, mask.across()));
+        sor.warm_sweeps = sweeps;
+        sor.cold_sweeps = spec.cold_sweeps.unwrap_or(COLD.saturating_mul(sweeps));
         for node in &self.nodes {
             let degree = sor.links.get(node.padded).map_or(0, |links| links.degree());
             let step = if degree == 0 { 0.0 } else { self.omega / f64::from(degree) };
@@ -373,15 +377,14 @@ fn check_buffer<const B: usize>(
     Ok(concurrent)
 }
 
-fn check_sor(spec: &Spec<'_>) -> Result<(u16, u16, Option<f64>), ConfigError> {
-    if let Some(omega) = spec.sor.omega {
-        ConfigError::check(Field::Omega, None, omega, (1.0, 1.99))?;
-    }
-    let warm = spec.sor.sweeps.unwrap_or(spec.mask.across().div_ceil(2) as u16);
-    ConfigError::check(Field::Sweeps, None, f64::from(warm), (1.0, 1000.0))?;
-    let cold = spec.sor.cold_sweeps.unwrap_or(4 * warm);
-    ConfigError::check(Field::ColdSweeps, None, f64::from(cold), (1.0, 10_000.0))?;
-    Ok((warm, cold, spec.sor.omega))
+fn check_sor(spec: &Spec<'_>) -> Result<(), ConfigError> {
+    let SorSpec { omega, sweeps, cold_sweeps } = spec.sor;
+    ConfigError::check(Field::Omega, None, omega.unwrap_or(1.0), (1.0, 1.99))?;
+    let sweeps = f64::from(sweeps.unwrap_or(1));
+    ConfigError::check(Field::Sweeps, None, sweeps, (1.0, 1000.0))?;
+    let cold = f64::from(cold_sweeps.unwrap_or(1));
+    ConfigError::check(Field::ColdSweeps, None, cold, (1.0, 10_000.0))?;
+    Ok(())
 }
 
 /// Numbers the connected components of the mask by their first subaperture.

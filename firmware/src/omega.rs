@@ -7,8 +7,8 @@
 //! mu is the largest, over the connected components, of the second singular value of the
 //! red-black block of D^-1/2 A D^-1/2 (A the adjacency, D the degrees). The first is 1 in every
 //! component: its vector sqrt(degree) is the mean piston, which is removed anyway. Southwell's
-//! 2/(1 + sin(pi/(N + 1))) is this on a full square only and costs up to 1.7 times the sweeps on
-//! an annulus. Young (1954) for the two-colour theory.
+//! 2/(1 + sin(pi/(N + 1))) belongs to fixed edges, not to the free ones of a pupil, and costs up to
+//! 1.7 times the sweeps on an annulus. Young (1954) for the two-colour theory.
 
 use crate::redblack::RedBlack;
 use crate::sor::{Node, SorConfig};
@@ -25,6 +25,19 @@ const TOLERANCE: f64 = 1e-10;
 /// bits.
 pub(crate) fn optimal<const M: usize>(config: &SorConfig<M>, nodes: &[Node]) -> f64 {
     2.0 / (1.0 + libm::sqrt(1.0 - second_singular_squared(config, nodes)))
+}
+
+/// Errors of the pistons shrink by omega - 1 a sweep; this is ln of how far a frame's sweeps must
+/// take them. On circles it comes to ceil(N/2) sweeps, which leave 4 to 6 % rms of the residual
+/// wavefront error when turbulence moves by an eighth of a subaperture a frame.
+const SHRINKAGE: f64 = 2.6;
+
+/// Sweeps that a warm frame needs with this relaxation factor: at least ceil(N/2), more where the
+/// mask relaxes more slowly than a circle (up to a quarter more on an annulus).
+pub(crate) fn sweeps(omega: f64, across: usize) -> u16 {
+    // omega = 1 converges at once: ln 0 asks for no sweep.
+    let needed = libm::ceil(SHRINKAGE / -libm::log(omega - 1.0));
+    (needed as u16).max(across.div_ceil(2) as u16)
 }
 
 /// mu^2 by power iteration with each component's first vector deflated.
@@ -54,8 +67,9 @@ fn second_singular_squared<const M: usize>(config: &SorConfig<M>, nodes: &[Node]
     for _ in 0..MAX_ITERATIONS {
         deflate(&mut vector, &weight, &degrees, nodes);
         let size = norm_squared(&vector, config, 1);
-        // Nothing left: every component has at most one black node, or one singular value.
-        if size < 1e-60 {
+        // Nothing but rounding is left of a vector of unit norm: no component has a second
+        // singular value, or none above 1e-5, which asks for omega = 1 as well.
+        if size < 1e-20 && mu_squared < 1e-10 {
             return 0.0;
         }
         let scale = 1.0 / libm::sqrt(size);

@@ -265,7 +265,10 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     /// for another mask, call [`Pipeline::reset`] first.
     pub fn begin<const P: usize>(&mut self, config: &Config<M, P, B>, frame: u32) {
         if !self.flat {
+            // A global tilt may have come before the first frame.
+            let global_tilt = self.global_tilt;
             self.reset(config);
+            self.global_tilt = global_tilt;
         }
         self.restarted = self.phase != Phase::Idle;
         self.totals.restarted = self.totals.restarted.saturating_add(u32::from(self.restarted));

@@ -3,7 +3,7 @@
 //! Floats end here. Every conversion uses only +, -, x, /, rounding and `libm`, in one order, so
 //! that a board that builds its own configuration gets the integers that a PC gets.
 
-use crate::actuators::{Law, Response};
+use crate::actuators::{Law, OFFSET_BITS, Response};
 use crate::centroid::EstimatorConfig;
 use crate::control::{GAIN_BITS, Gains};
 use crate::error::{ConfigError, Field, Limit};
@@ -375,7 +375,8 @@ impl<'a> Quantiser<'a> {
                 }
             }
             let slope = (v(STROKE_LSB) - v(0.0)) / 4.0;
-            *response = Response { offset: round(v(0.0)) as i32, slope: round(slope) as i32 };
+            let offset = v(0.0) / power(OFFSET_BITS);
+            *response = Response { offset: round(offset) as i32, slope: round(slope) as i32 };
         }
         Ok(responses)
     }

@@ -5,7 +5,9 @@
 //! brightest-n, their pixels). A window is finished with its last row; after the last row of the
 //! frame nothing is left to do here.
 
-use crate::centroid::{self, EstimatorConfig, MAX_WINDOW, Measurement, Moments, Template};
+use crate::centroid::{
+    self, EstimatorConfig, MAX_WINDOW, Measurement, Moments, Template, WEIGHT_BITS,
+};
 use crate::config::{Config, Slot};
 use crate::pixels::{self, BankRow, Convention, RowPixels};
 
@@ -128,19 +130,18 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                     let (sum, x) = centroid::row_moments(signal);
                     moments.add_row(window, y, sum, x);
                     note(moments, seen);
-                    last.then(|| moments.measurement())
+                    last.then(|| moments.measurement(0))
                 }
                 EstimatorConfig::Weighted { gain, .. } => {
                     let seen = calibrate(config, raw, bank, history.excess, signal);
                     let [cx, cy] = history.centre.map(i32::from);
-                    centroid::weigh(signal, config.template.row(window, cx));
-                    let (sum, x) = centroid::row_moments(signal);
+                    let weights = config.template.row(window, cx);
                     let weight = config.template.weight(window, cy, y);
-                    let (sum, x) = centroid::weigh_row(sum, x, weight);
+                    let (sum, x) = centroid::weighted_row_moments(signal, weights, weight);
                     moments.add_row(window, y, sum, x);
                     note(moments, seen);
                     last.then(|| {
-                        let mut measurement = moments.measurement();
+                        let mut measurement = moments.measurement(WEIGHT_BITS);
                         let axes = measurement.centroid_q16.iter_mut().zip([cx, cy]);
                         axes.for_each(|(c, centre)| *c = centroid::unweighted(centre, *c, gain));
                         measurement
@@ -158,7 +159,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                     last.then(|| {
                         let sums = centroid::brightest_moments(stored, window, n, bits);
                         let Moments { peak, saturated, .. } = *moments;
-                        Moments { peak, saturated, ..sums }.measurement()
+                        Moments { peak, saturated, ..sums }.measurement(0)
                     })
                 }
             };

@@ -135,7 +135,8 @@ impl Segment {
 
         let [(h0, l0), (h1, l1), (h2, l2)] = pairs(self.heights(position), limits);
         let [f0, f1, f2] = self.flat.map(|flat| u32::from(flat) << LENGTH_BITS);
-        // Inside by construction but for the rounding of the last product: at most 1 ulp.
+        // Inside by construction but for rounding: 1 ulp, and 2^-14 of the height where the piston
+        // column is not one.
         let heights_ulp = [(h0, l0, f0), (h1, l1, f1), (h2, l2, f2)]
             .map(|(h, (low, high), flat)| flat.wrapping_add_signed(h.max(low).min(high)));
         Move { position, heights_ulp, limited: Limited { saturated, slewed } }

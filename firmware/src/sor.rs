@@ -23,8 +23,9 @@
 //! included, at N = 40.
 //!
 //! The right-hand side is absolute (the whole tip/tilt command, not its change) and the solver
-//! starts from the last frame's pistons: a fixed ceil(N/2) sweeps then keep the error within 10 %
-//! of the residual wavefront error, where a cold start would leave 40-50 %.
+//! starts from the last frame's pistons. Then a fixed number of sweeps, ceil(N/2) on a circle and
+//! more where the mask relaxes more slowly, keeps the error within 10 % rms of the residual
+//! wavefront error, where a cold start would leave 40-50 %.
 
 use crate::fixed::{self, PISTON_LIMIT};
 use crate::geometry::Grid;

@@ -142,7 +142,7 @@ pub struct ControlSpec<'a> {
 pub struct SorSpec {
     /// Relaxation factor, 1 to 1.99; from the mask if `None`.
     pub omega: Option<f64>,
-    /// Sweeps of a frame, 1 to 1000; ceil(N/2) if `None`.
+    /// Sweeps of a frame, 1 to 1000; from omega if `None`, ceil(N/2) on a circle.
     pub sweeps: Option<u16>,
     /// Sweeps of the first frame after a reset, 1 to 10000; four times the others if `None`.
     pub cold_sweeps: Option<u16>,

@@ -1,15 +1,21 @@
-//! Slope calibration: what an instrument's team measures with a flat mirror and with pokes.
+//! Slope calibration: what an instrument's team measures before it closes the loop for good.
 //!
 //! The centroid of a real estimator moves by less than the spot: the window cuts the wings and the
-//! threshold what is faint. So, through the firmware's own centroids and without turbulence or
-//! noise: reference slopes are the centroids of the flat mirror; the 2 x 2 gain of a subaperture
-//! is the inverse of how far its centroid moves when its segment tilts.
+//! threshold what is faint. So, through the firmware's own centroids and without noise:
+//!
+//! 1. On the bench, with a flat wavefront: reference slopes are the centroids of the flat mirror,
+//!    and the 2 x 2 gain of a subaperture is the inverse of how far its centroid moves when its
+//!    segment tilts.
+//! 2. On the sky, with the loop closed on a frozen atmosphere: the same pokes, as a dither on top
+//!    of the correction. Spots are broader there and lose more; one factor for all makes up for it.
 
 use crate::atmosphere::Atmosphere;
 use crate::board::{Frame, in_process};
+use crate::closed_loop::{ClosedLoop, Run, Sensing};
 use crate::detector::place;
 use crate::error::Error;
 use crate::instrument::Instrument;
+use crate::optics::geometric::Sensor;
 use crate::optics::splash_image::SplashCamera;
 use crate::pupil::{Mirror, Pupil};
 use crate::reconstructor::Reconstructor;
@@ -17,6 +23,14 @@ use splash_firmware::fixed::CENTROID_BITS;
 
 /// How far a poke moves a spot, pixels: well within the linear range of a spot two pixels wide.
 const POKE_PX: f64 = 0.25;
+/// Frames that the loop gets to settle before the dither.
+const SETTLE: u32 = 20;
+/// Spots over which the sky's factor is averaged at least, with as many skies as that takes.
+const SPOTS: usize = 200;
+/// Seed of the first of these skies: the calibration is the same in every run.
+const SKY_SEED: u64 = 0x5eed_ca11;
+/// The sky's factor stays within this and its inverse: beyond, the loop had not closed.
+const MOST: f64 = 2.0;
 
 /// Reference slopes and gains, one a subaperture in mask order.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,38 +52,51 @@ impl SlopeCalibration {
         }
     }
 
-    /// Measures it.
+    /// Measures it; `progress` is told the fraction done.
     ///
     /// # Errors
     /// [`Error::Config`] for an instrument that the optics or the firmware refuse, or whose spots
     /// do not follow their segments: too faint, or windows too small.
-    pub fn measure(instrument: &Instrument) -> Result<Self, Error> {
-        let mut bench = Bench::new(instrument)?;
-        let path = path_m_per_px(instrument);
-        let poke_rad = POKE_PX * path * instrument.rad_per_m();
-        let subapertures = bench.pupil.subapertures().to_vec();
-        let sign = |[x, y]: [usize; 2]| if (x + y) % 2 == 0 { 1.0 } else { -1.0 };
-        // SPLASH does not see the mean of the pokes.
-        let mean =
-            subapertures.iter().map(|&cell| sign(cell)).sum::<f64>() / subapertures.len() as f64;
-        let reference_px = bench.centroids([0.0; 2], sign)?;
-        let mut columns = Vec::new();
-        for poke in [[poke_rad, 0.0], [0.0, poke_rad]] {
-            let plus = bench.centroids(poke, sign)?;
-            let minus = bench.centroids(poke.map(|p| -p), sign)?;
-            columns.push((plus, minus));
+    pub fn measure(
+        instrument: &Instrument,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Self, Error> {
+        let mut slopes = Self::on_bench(instrument)?;
+        let subapertures = slopes.reference_px.len();
+        let skies = SPOTS.div_ceil(subapertures);
+        let (mut moved, mut square) = (0.0, 0.0);
+        for sky in 0..skies {
+            let seed = SKY_SEED + sky as u64;
+            let (m, s) = slopes.on_sky(instrument, seed, &mut |done| {
+                progress((sky as f64 + done) / skies as f64);
+            })?;
+            moved += m;
+            square += s;
         }
-        let mut gain_m_per_px = Vec::with_capacity(subapertures.len());
-        for (i, &cell) in subapertures.iter().enumerate() {
-            let moved = 2.0 * POKE_PX * (sign(cell) - mean);
-            let response = |axis: usize, (plus, minus): &(Vec<[f64; 2]>, Vec<[f64; 2]>)| {
-                (plus[i][axis] - minus[i][axis]) / moved
-            };
-            let [a, b] = [response(0, &columns[0]), response(0, &columns[1])];
-            let [c, d] = [response(1, &columns[0]), response(1, &columns[1])];
+        let factor = (square / moved).clamp(1.0 / MOST, MOST);
+        let gains = slopes.gain_m_per_px.iter_mut().flatten().flatten();
+        gains.for_each(|gain| *gain *= factor);
+        Ok(slopes)
+    }
+
+    /// Reference slopes and gains with a flat wavefront.
+    fn on_bench(instrument: &Instrument) -> Result<Self, Error> {
+        let sky = Atmosphere::from_screens(Vec::new(), instrument.pupil()?.diameter_m(), 0.0)?;
+        let reconstructor = Reconstructor::new(instrument)?;
+        let mut bench = Bench::new(instrument, &reconstructor, &sky)?;
+        let flat = Mirror::flat(bench.pupil.subapertures().len());
+        let reference_px = bench.centroids(&flat)?;
+        let pokes = bench.pokes();
+        let path = path_m_per_px(instrument);
+        let columns = bench.dither(&flat, &mut |_| ())?;
+        let mut gain_m_per_px = Vec::with_capacity(pokes.len());
+        for (i, poke) in pokes.iter().enumerate() {
+            let response = |axis: usize, poked: usize| columns[poked][i][axis] / (2.0 * poke);
+            let [[a, b], [c, d]] =
+                [[response(0, 0), response(0, 1)], [response(1, 0), response(1, 1)]];
             let determinant = a * d - b * c;
             // A spot that moves by less than a third of its segment's tilt is no measurement.
-            if !(determinant.abs() > 0.1 && a.is_finite() && d.is_finite()) {
+            if !(determinant.abs() > 0.1 && determinant.is_finite()) {
                 return Err(Error::Config(format!(
                     "calibration of subaperture {i}: determinant of the spot's response to its \
                      segment = {determinant}: must be above 0.1; check windows.size and \
@@ -81,6 +108,46 @@ impl SlopeCalibration {
         }
         Ok(Self { reference_px, gain_m_per_px })
     }
+
+    /// Closes the loop with these slopes on a frozen sky and dithers: the sums, over all spots and
+    /// both axes, of seen motion times true motion and of true motion squared, pixels^2, in units
+    /// of this calibration.
+    fn on_sky(
+        &self,
+        instrument: &Instrument,
+        seed: u64,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<(f64, f64), Error> {
+        let mut frozen = instrument.clone();
+        frozen.atmosphere.layers.iter_mut().for_each(|layer| layer.wind_speed_m_per_s = 0.0);
+        frozen.control.delay_frames = 0;
+        let reconstructor = Reconstructor::new(&frozen)?.with_slopes(self.clone());
+        let mut board = in_process(&reconstructor.spec())?;
+        let (sensor, sensing) = (Sensor::Splash, Sensing::Images);
+        let run = Run { sensor, sensing, frames: SETTLE, seed, noise_free: true };
+        let mut closed =
+            ClosedLoop::new(&frozen, &reconstructor, board.as_mut(), run, &mut |_| ())?;
+        for frame in 0..SETTLE {
+            progress(f64::from(frame) / f64::from(SETTLE + 4));
+            closed.step()?;
+        }
+        let mut bench = Bench::new(&frozen, &reconstructor, closed.atmosphere())?;
+        let settled = f64::from(SETTLE);
+        let columns = bench.dither(closed.mirror(), &mut |done| {
+            progress((settled + 4.0 * done) / (settled + 4.0));
+        })?;
+        let path = path_m_per_px(instrument);
+        let (mut moved, mut square) = (0.0, 0.0);
+        for (axis, motions) in columns.iter().enumerate() {
+            let pokes = bench.pokes();
+            for ((motion, poke), gain) in motions.iter().zip(pokes).zip(&self.gain_m_per_px) {
+                let [gx, gy] = gain[axis];
+                moved += 2.0 * poke * (gx * motion[0] + gy * motion[1]) / path;
+                square += (2.0 * poke).powi(2);
+            }
+        }
+        Ok((moved, square))
+    }
 }
 
 /// Centre-to-edge optical path of a tilt that moves a spot by one pixel, m.
@@ -88,39 +155,74 @@ fn path_m_per_px(instrument: &Instrument) -> f64 {
     instrument.laser.wavelength_m / (2.0 * instrument.windows.pixels_per_lambda_d)
 }
 
-/// The instrument under an empty sky, without noise.
-struct Bench {
+/// The instrument under a sky that stands still, without noise.
+struct Bench<'a> {
     pupil: Pupil,
-    sky: Atmosphere,
+    sky: &'a Atmosphere,
     camera: SplashCamera,
-    reconstructor: Reconstructor,
+    reconstructor: &'a Reconstructor,
     flux_e: f32,
+    poke_rad: f64,
 }
 
-impl Bench {
-    fn new(instrument: &Instrument) -> Result<Self, Error> {
+impl<'a> Bench<'a> {
+    fn new(
+        instrument: &Instrument,
+        reconstructor: &'a Reconstructor,
+        sky: &'a Atmosphere,
+    ) -> Result<Self, Error> {
         let pupil = instrument.pupil()?;
-        let sky = Atmosphere::from_screens(Vec::new(), pupil.diameter_m(), 0.0)?;
         let (scale, size) = (instrument.windows.pixels_per_lambda_d, instrument.windows.size);
         let height_m = instrument.laser.beacon_height_m;
-        let camera = SplashCamera::new(&pupil, &sky, height_m, scale, size)?;
+        let camera = SplashCamera::new(&pupil, sky, height_m, scale, size)?;
         let flux_e = instrument.laser.electrons_per_spot as f32;
-        Ok(Self { pupil, sky, camera, reconstructor: Reconstructor::new(instrument)?, flux_e })
+        let poke_rad = POKE_PX * path_m_per_px(instrument) * instrument.rad_per_m();
+        Ok(Self { pupil, sky, camera, reconstructor, flux_e, poke_rad })
     }
 
-    /// The centroids when every segment adds its `sign` times these tilts to the wavefront: a
-    /// mirror's shape is taken off it.
-    fn centroids(
+    /// The poke of each subaperture, pixels: a checkerboard, without its mean, which SPLASH does
+    /// not see.
+    fn pokes(&self) -> Vec<f64> {
+        let mut pokes: Vec<f64> = self.signs().map(|sign| POKE_PX * sign).collect();
+        let mean = pokes.iter().sum::<f64>() / pokes.len() as f64;
+        pokes.iter_mut().for_each(|poke| *poke -= mean);
+        pokes
+    }
+
+    fn signs(&self) -> impl Iterator<Item = f64> + '_ {
+        self.pupil.subapertures().iter().map(|[x, y]| if (x + y) % 2 == 0 { 1.0 } else { -1.0 })
+    }
+
+    /// How far each centroid moves, pixels, from minus the pokes to plus the pokes: for pokes
+    /// along x, and along y.
+    fn dither(
         &mut self,
-        [tip, tilt]: [f64; 2],
-        sign: impl Fn([usize; 2]) -> f64,
-    ) -> Result<Vec<[f64; 2]>, Error> {
-        let cells = self.pupil.subapertures();
-        let poke = |&cell: &[usize; 2]| [0.0, -sign(cell) * tip, -sign(cell) * tilt];
-        let mirror = Mirror { segments: cells.iter().map(poke).collect() };
+        shape: &Mirror,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<[Vec<[f64; 2]>; 2], Error> {
+        let mut moved = [Vec::new(), Vec::new()];
+        for (axis, moved) in moved.iter_mut().enumerate() {
+            let mut seen = Vec::new();
+            for side in [1.0, -1.0] {
+                progress((axis as f64 + (1.0 - side) / 4.0) / 2.0);
+                let mut poked = shape.clone();
+                for (segment, sign) in poked.segments.iter_mut().zip(self.signs()) {
+                    // A mirror's shape is taken off the wavefront.
+                    segment[axis + 1] -= side * sign * self.poke_rad;
+                }
+                seen.push(self.centroids(&poked)?);
+            }
+            let pairs = seen[0].iter().zip(&seen[1]);
+            *moved = pairs.map(|(plus, minus)| [plus[0] - minus[0], plus[1] - minus[1]]).collect();
+        }
+        Ok(moved)
+    }
+
+    /// The centroids with the mirror in this shape, pixels.
+    fn centroids(&mut self, mirror: &Mirror) -> Result<Vec<[f64; 2]>, Error> {
         let window = self.camera.window();
         let mut images = vec![0.0; self.camera.spots() * window * window];
-        self.camera.expose(&self.sky, 0.0, &mirror, &mut images);
+        self.camera.expose(self.sky, 0.0, mirror, &mut images);
         let detector = self.reconstructor.detector();
         let (width, height) = (detector.spec().width, detector.spec().height);
         let mut expected = vec![0.0; width * height];

@@ -5,7 +5,9 @@ use crate::commands;
 use crate::error::Error;
 use crate::instrument::Instrument;
 use crate::optics::geometric::Sensor;
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::builder::RangedI64ValueParser;
+use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
+use splash_firmware::geometry::{MAX_ACROSS, MIN_ACROSS};
 use std::path::PathBuf;
 
 /// Simulates a SPLASH adaptive-optics system around the firmware library.
@@ -51,13 +53,19 @@ pub struct RunArgs {
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
     /// Subapertures across the pupil, 4 to 40, of the same size [default: the description's, 8]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = subapertures(), allow_negative_numbers = true)]
     pub n: Option<usize>,
-    /// Frames to run
-    #[arg(long, value_name = "FRAMES", default_value_t = 500)]
+    /// Frames to run, of 1 ms unless the description says otherwise
+    #[arg(
+        long,
+        value_name = "FRAMES",
+        default_value_t = 500,
+        value_parser = value_parser!(u32).range(1..),
+        allow_negative_numbers = true
+    )]
     pub frames: u32,
     /// Seed of turbulence and noise
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
     /// Detector without photon, dark and read noise, with 16 bits over its range
     #[arg(long)]
@@ -70,7 +78,7 @@ pub struct LoopArgs {
     #[command(flatten)]
     pub(crate) run: RunArgs,
     /// Frames left out of the averages
-    #[arg(long, value_name = "FRAMES", default_value_t = 50)]
+    #[arg(long, value_name = "FRAMES", default_value_t = 50, allow_negative_numbers = true)]
     pub(crate) settle: u32,
     /// The sensor
     #[arg(long, value_enum, default_value_t = SensorName::Splash)]
@@ -82,7 +90,7 @@ pub struct LoopArgs {
     #[arg(long, value_enum, default_value_t = BoardName::Host)]
     pub(crate) board: BoardName,
     /// Last frames to keep in frames.fits and phases.fits
-    #[arg(long, value_name = "FRAMES", default_value_t = 100)]
+    #[arg(long, value_name = "FRAMES", default_value_t = 100, allow_negative_numbers = true)]
     pub(crate) keep: u32,
     #[command(flatten)]
     pub(crate) output: OutputArgs,
@@ -172,11 +180,37 @@ impl RunArgs {
         if let Some(n) = self.n {
             instrument.telescope.subapertures = n;
         }
+        instrument.check()?;
         Ok(if self.noise_free { instrument.noise_free() } else { instrument })
     }
 }
 
+/// What `--n` takes.
+fn subapertures() -> RangedI64ValueParser<usize> {
+    RangedI64ValueParser::new().range(MIN_ACROSS as i64..=MAX_ACROSS as i64)
+}
+
 impl Cli {
+    /// The process's arguments; prints help and ends the process where they ask for it.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for arguments that cannot be.
+    pub fn from_args() -> Result<Self, Error> {
+        Self::try_parse().map_err(|error| {
+            if !error.use_stderr() {
+                error.exit();
+            }
+            // Paragraphs: what is wrong, tips, usage, where to find help.
+            let text = error.render().to_string();
+            let text = text.strip_prefix("error: ").unwrap_or(&text);
+            let aside = |part: &&str| part.starts_with("Usage:") || part.starts_with("For more");
+            let one_line = |part: &str| part.split_whitespace().collect::<Vec<_>>().join(" ");
+            let parts = text.split("\n\n").filter(|part| !aside(part)).map(one_line);
+            let line = parts.collect::<Vec<_>>().join("; ");
+            Error::Config(format!("{line}; see host-sim --help"))
+        })
+    }
+
     /// Runs the command.
     ///
     /// # Errors

@@ -209,6 +209,11 @@ impl<'a> ClosedLoop<'a> {
         self.board
     }
 
+    /// The turbulence.
+    pub fn atmosphere(&self) -> &Atmosphere {
+        &self.atmosphere
+    }
+
     /// The pupil.
     pub fn pupil(&self) -> &Pupil {
         &self.pupil

@@ -1,13 +1,16 @@
 //! The instrument description: a TOML file, laid over the default one.
 //!
 //! [`DEFAULT_TOML`] is both the documentation of every field and its default: a user's file is
-//! merged over it, table by table, and unknown names are refused. Values are checked where they
-//! are used: by the optics, by the detector and by the firmware's configuration.
+//! merged over it, table by table, and unknown names are refused. [`Instrument::check`] says which
+//! values are out of their limits.
+
+mod limits;
 
 use crate::atmosphere::Layer;
 use crate::detector::BadPixel;
 use crate::error::{Error, refuse};
 use crate::pupil::Pupil;
+use limits::MAX_DETECTOR_SIDE;
 use serde::{Deserialize, Serialize};
 use splash_firmware::geometry::Mask;
 use std::path::Path;
@@ -46,7 +49,10 @@ pub struct Telescope {
 
 /// The pupil's outline: a name, or one string a row with `#` for a subaperture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = r#"must be "circle", "square", "annulus" or a list of rows such as "..####..""#
+)]
 #[allow(missing_docs, reason = "documented once, in the default file that users read")]
 pub enum PupilShape {
     Named(PupilName),
@@ -225,12 +231,9 @@ impl Instrument {
     /// # Errors
     /// As [`Instrument::load`].
     pub fn parse(text: &str, name: &str) -> Result<Self, Error> {
-        let table = |text: &str| {
-            text.parse::<toml::Table>().map_err(|error| Error::Config(one_line(name, &error)))
-        };
-        let mut merged = table(DEFAULT_TOML)?;
-        lay_over(&mut merged, table(text)?);
-        merged.try_into().map_err(|error| Error::Config(one_line(name, &error)))
+        let mut merged = table(DEFAULT_TOML, "default")?;
+        lay_over(&mut merged, table(text, name)?);
+        merged.try_into().map_err(|error| Error::Config(format!("{name}: {}", in_words(&error))))
     }
 
     /// The same instrument with a detector that adds nothing: no read noise, no dark charge, and
@@ -267,13 +270,15 @@ impl Instrument {
             PupilShape::Named(PupilName::Annulus) => Mask::annulus(*across, *obstruction)?,
             PupilShape::Rows(rows) => {
                 let cell = |x: usize, y: usize| rows[y].as_bytes()[x] == b'#';
-                let widths = rows.iter().map(String::len).chain([rows.len()]);
-                if let Some(wrong) = widths.into_iter().find(|width| width != across) {
+                let widths: Vec<usize> = rows.iter().map(String::len).collect();
+                if widths.len() != *across || widths.iter().any(|width| width != across) {
+                    let found = format!("{} rows of lengths {widths:?}", rows.len());
                     let limit = format!("telescope.subapertures = {across} rows of that length");
-                    return Err(refuse("telescope.pupil", wrong, &limit));
+                    return Err(refuse("telescope.pupil", found, &limit));
                 }
-                if rows.iter().any(|row| row.bytes().any(|cell| cell != b'#' && cell != b'.')) {
-                    return Err(refuse("telescope.pupil", "a row", "made of '#' and '.'"));
+                let strange = |row: &&String| row.bytes().any(|cell| cell != b'#' && cell != b'.');
+                if let Some(row) = rows.iter().find(strange) {
+                    return Err(refuse("telescope.pupil", format!("{row:?}"), "'#' and '.' only"));
                 }
                 Mask::from_fn(*across, cell)?
             }
@@ -313,10 +318,10 @@ impl Instrument {
     /// [`Error::Config`] if windows would overlap or the detector would be larger than any.
     pub fn origins(&self) -> Result<Vec<[u16; 2]>, Error> {
         let Windows { size, spacing_px, .. } = self.windows;
-        if spacing_px < size || self.detector_side() > 4096 {
+        if spacing_px < size || self.detector_side() > MAX_DETECTOR_SIDE {
             let limit = format!(
-                "from windows.size = {size} to 4096 / telescope.subapertures = {}",
-                4096 / self.telescope.subapertures.max(1)
+                "from windows.size = {size} to {MAX_DETECTOR_SIDE} / telescope.subapertures = {}",
+                MAX_DETECTOR_SIDE / self.telescope.subapertures.max(1)
             );
             return Err(refuse("windows.spacing_px", spacing_px, &limit));
         }
@@ -352,7 +357,29 @@ fn lay_over(base: &mut toml::Table, over: toml::Table) {
     }
 }
 
-/// What a TOML error says, without the excerpt that spreads it over lines.
-fn one_line(name: &str, error: &toml::de::Error) -> String {
-    format!("{name}: {}", error.message().replace('\n', " "))
+/// What is wrong with which field, on one line and without the names of Rust's types.
+fn in_words(error: &toml::de::Error) -> String {
+    let words = [
+        ("usize", "a whole number, 0 or more"),
+        ("u32", "a whole number from 0 to 4294967295"),
+        ("u16", "a whole number from 0 to 65535"),
+        ("u8", "a whole number from 0 to 255"),
+        ("f64", "a number"),
+        ("struct ", "the table "),
+    ];
+    // The error is a message, a line break and the field.
+    let line = error.to_string().trim().replace('\n', " ");
+    words.iter().fold(line, |line, (rust, plain)| {
+        line.replace(&format!("expected {rust}"), &format!("expected {plain}"))
+    })
+}
+
+/// The table that a TOML text is; an error says in which line it is not.
+fn table(text: &str, name: &str) -> Result<toml::Table, Error> {
+    text.parse().map_err(|error: toml::de::Error| {
+        let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
+        let line = before.matches('\n').count() + 1;
+        let message = error.message().replace('\n', " ");
+        Error::Config(format!("{name}: line {line}: {message}"))
+    })
 }

@@ -1,11 +1,10 @@
 //! `host-sim`: see `host-sim --help`.
 
-use clap::Parser;
 use host_sim::cli::Cli;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    match Cli::parse().run() {
+    match Cli::from_args().and_then(Cli::run) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error}");

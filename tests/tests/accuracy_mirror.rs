@@ -13,6 +13,7 @@ use splash_firmware::slopes::MeanSlope;
 use splash_firmware::spec::triangle;
 use splash_tests::frames::{self, Rng};
 use splash_tests::instrument::{Instrument, STROKE_LSB, ULP_PER_LSB, Values, step};
+use splash_tests::largest;
 use splash_tests::twin::mirror::{Place, Segment};
 use splash_tests::twin::pixels::Numbers;
 
@@ -20,8 +21,6 @@ use splash_tests::twin::pixels::Numbers;
 type Bank = Config<64, { 64 * 16 }, 0>;
 type Path = Pipeline<64, 0>;
 
-/// The whole stroke, ulp.
-const STROKE: f64 = STROKE_LSB * ULP_PER_LSB;
 /// Largest piston of a target, ulp.
 const PISTON: f64 = 67_108_864.0;
 /// Room below which a tilt counts as out of reach, ulp: tilts are compared in quarters of an LSB,
@@ -103,13 +102,16 @@ impl Mirror {
         let segments = |numbers| {
             (0..instrument.count()).map(|i| Segment::new(&instrument, i, numbers)).collect()
         };
+        let config: Box<Bank> = instrument.config();
+        let mut path = Box::new(Path::new());
+        path.reset(&config);
         Self {
             stored: segments(Numbers::Stored),
             exact: segments(Numbers::Physical),
             places: vec![[0.0; 3]; instrument.count()],
-            config: instrument.config(),
-            path: Box::default(),
             frame: 0,
+            config,
+            path,
             instrument,
         }
     }
@@ -184,11 +186,28 @@ fn heights_stay_within_limits() {
     }
 }
 
+/// What the stored 1 / m_a0 (Q13) leaves of the limits, ulp: nothing of a piston column of ones.
+fn slack(segment: &Segment) -> f64 {
+    let is_one = segment.heights([1.0, 0.0, 0.0]).iter().all(|&m| m == 1.0);
+    let limits = largest(segment.limits.concat());
+    // Half a part in 2^13, of limit and tilt part, in units of height at up to twice the piston.
+    if is_one { 2.0 } else { 2.0 + 2.0 * 2.0 * limits / f64::from(1 << 14) }
+}
+
+/// How far a code is from the law's for a height, which is rounded to an ulp: near code 0 of a
+/// quadratic drive half an ulp is several codes.
+fn code_error(segment: &Segment, actuator: usize, height: f64, code: u16) -> f64 {
+    let [low, high] = segment.limits[actuator];
+    let ends = [-0.5, 0.5].map(|ulp| segment.code(actuator, (height + ulp).clamp(low, high)));
+    let code = f64::from(code);
+    f64::max(ends[0].min(ends[1]) - code, code - ends[0].max(ends[1]))
+}
+
 /// The codes are those of the position that is reported, by the law of the drive.
 #[test]
 fn codes_follow_the_law() {
     let mut rng = Rng::new(52);
-    let (mut worst, mut count) = (0.0f64, 0);
+    let (mut worst, mut beyond, mut count) = (0.0f64, 0.0f64, 0);
     for _ in 0..80 {
         let mut mirror = Mirror::new(uneven(&mut rng));
         for _ in 0..20 {
@@ -196,18 +215,50 @@ fn codes_follow_the_law() {
             for (m, segment) in moves.iter().zip(&mirror.stored) {
                 let heights = segment.heights(m.to).into_iter().zip(segment.limits);
                 for (actuator, (height, [low, high])) in heights.enumerate() {
-                    // Rounding may take a height an ulp or two past its limit; never the code.
-                    assert!(height >= low - 2.0 && height <= high + 2.0, "{height} {low} {high}");
-                    let exact = segment.code(actuator, height.clamp(low, high));
-                    let error = (f64::from(m.codes[actuator]) - exact).abs();
+                    // Rounding may take a position a little past a limit; never a code.
+                    let past = f64::max(low - height, height - high);
+                    assert!(past <= slack(segment), "{height} {low} {high}");
+                    beyond = beyond.max(past);
+                    let error = code_error(segment, actuator, height, m.codes[actuator]);
                     worst = worst.max(error);
                     count += 1;
-                    assert!(error <= 1.0, "{} for {exact}", m.codes[actuator]);
+                    assert!(error <= 1.0, "{error}");
                 }
             }
         }
     }
-    println!("codes: largest error {worst:.3} of {count}");
+    println!("codes: largest error {worst:.3} of {count}; positions {beyond:.0} ulp past a limit");
+}
+
+/// Height from zero to full in every eighth of the stroke and of either direction: the line from
+/// height to code starts outside the DAC's range for most of them.
+#[test]
+fn responses_need_not_start_at_zero() {
+    let mut rng = Rng::new(57);
+    for law in [Law::Linear, Law::Quadratic] {
+        for eighths in (0..8).flat_map(|zero| (0..=8).map(move |full| [zero, full])) {
+            let mut instrument = instrument(&mut rng);
+            let ends = eighths.map(|end| f64::from(end) / 8.0 * instrument.stroke_m);
+            let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+            if high - low < instrument.stroke_m / 4.0 {
+                continue;
+            }
+            instrument.law = law;
+            instrument.limits_m = Values::Uniform([[low, high]; 3]);
+            instrument.flat_m = Values::Uniform([(low + high) / 2.0; 3]);
+            instrument.response_m = Values::Uniform([ends; 3]);
+            let mut mirror = Mirror::new(instrument);
+            for _ in 0..10 {
+                let (_, moves) = mirror.step(global(&mut rng), &mut rng);
+                for (m, segment) in moves.iter().zip(&mirror.stored) {
+                    for (actuator, height) in segment.heights(m.to).into_iter().enumerate() {
+                        let error = code_error(segment, actuator, height, m.codes[actuator]);
+                        assert!(error <= 1.0, "{law:?} {eighths:?}: {error}");
+                    }
+                }
+            }
+        }
+    }
 }
 
 /// Tip and tilt are kept exactly when some piston makes them reachable, and the piston is then
@@ -225,12 +276,15 @@ fn tip_and_tilt_have_priority() {
                 let (target, to) = ([m.target[1], m.target[2]], [m.to[1], m.to[2]]);
                 let scale = segment.scale(target);
                 if to == target {
-                    // Within what Q13 inverses of the piston column allow: 2^-14 of a stroke.
-                    assert!(segment.room(target) >= -STROKE / 4096.0, "{}", segment.room(target));
+                    // Less what the stored inverses of the piston column take.
+                    assert!(segment.room(target) >= -2.0 * slack(segment));
                     kept += 1;
                 } else {
-                    if segment.room(target) > STEP { println!("target {:?} to {:?} scale {scale} limits {:?} matrix {:?}", m.target, m.to, segment.limits, segment); }
-                    assert!(segment.room(target) < STEP, "out of reach: {}", segment.room(target));
+                    assert!(
+                        segment.room(target) < STEP + slack(segment),
+                        "out of reach: {}",
+                        segment.room(target)
+                    );
                     let longer = usize::from(target[0].abs() < target[1].abs());
                     let found = to[longer] / target[longer];
                     let error = (found - scale).abs();
@@ -245,10 +299,159 @@ fn tip_and_tilt_have_priority() {
                 let nearest = m.target[0].min(high).max(low.min(high));
                 moved += u32::from(nearest != m.target[0]);
                 let error = (m.to[0] - nearest).abs();
-                assert!(error <= 4.0 + STROKE / 8192.0, "{} {nearest} in {low} {high}", m.to[0]);
+                assert!(error <= 2.0 * slack(segment), "{} {nearest} in {low} {high}", m.to[0]);
             }
         }
     }
     println!("kept {kept}, piston moved {moved}, shrunk {shrunk}; scale within {worst:.1e}");
     assert!(kept > 5000 && moved > 5000 && shrunk > 5000);
+}
+
+/// Actuators beyond their limits are counted as the command asks for them.
+#[test]
+fn saturated_actuators_are_counted() {
+    let mut rng = Rng::new(54);
+    let mut total = 0;
+    for _ in 0..60 {
+        let mut mirror = Mirror::new(uneven(&mut rng));
+        for _ in 0..25 {
+            let (report, moves) = mirror.step(global(&mut rng), &mut rng);
+            let [mut least, mut most] = [0, 0];
+            for (m, segment) in moves.iter().zip(&mirror.stored) {
+                for (height, [low, high]) in
+                    segment.heights(m.target).into_iter().zip(segment.limits)
+                {
+                    let past = f64::max(low - height, height - high);
+                    // A height is rounded to an ulp before it is compared.
+                    least += u16::from(past > 1.0);
+                    most += u16::from(past > -1.0);
+                }
+            }
+            let counted = report.saturated_actuators;
+            assert!((least..=most).contains(&counted), "{counted} not in {least}..={most}");
+            assert_eq!(report.slewed_actuators, 0);
+            total += u32::from(counted);
+        }
+        assert_eq!(mirror.path.totals().saturated_actuators, total);
+        total = 0;
+    }
+}
+
+/// With a slew limit, segments go straight towards what they reach, as fast as it allows.
+#[test]
+fn slew_limit_bounds_every_actuator() {
+    let mut rng = Rng::new(55);
+    let (mut limited, mut free, mut slowest) = (0, 0, 1.0f64);
+    for _ in 0..60 {
+        // Targets that are within reach, so that only the slew limit acts.
+        let mut instrument = instrument(&mut rng);
+        instrument.slope_gain_m_per_px = Values::Uniform([[2e-7, 0.0], [0.0, 2e-7]]);
+        instrument.control_gain = Values::Uniform(1.0);
+        let lsb_m = instrument.stroke_m / STROKE_LSB;
+        let slew_lsb = rng.uniform(0.0, 12.0).exp2();
+        instrument.slew_m_per_frame = Some(slew_lsb * lsb_m);
+        let slew = slew_lsb * ULP_PER_LSB;
+        let mut mirror = Mirror::new(instrument);
+        for _ in 0..40 {
+            let size = 1 << rng.between(8, 19);
+            let global = [0; 2].map(|_: i32| rng.between(-size, size));
+            let (report, moves) = mirror.step(global, &mut rng);
+            let [mut least, mut most] = [0, 0];
+            for (m, segment) in moves.iter().zip(&mirror.stored) {
+                let way = [0, 1, 2].map(|k| m.target[k] - m.from[k]);
+                let gone = [0, 1, 2].map(|k| m.to[k] - m.from[k]);
+                let heights = segment.heights(m.target).into_iter().zip(segment.limits);
+                if heights.clone().any(|(h, [low, high])| h < low + STEP || h > high - STEP) {
+                    // Out of reach after all: where the segment goes is another test's business.
+                    least = 0;
+                    most = u16::MAX;
+                    assert!(largest(segment.heights(gone)) <= slew + 2.0);
+                    continue;
+                }
+                let asked = segment.heights(way);
+                least += asked.iter().filter(|s| s.abs() > slew + 2.0).count() as u16;
+                most = most
+                    .saturating_add(asked.iter().filter(|s| s.abs() > slew - 2.0).count() as u16);
+                let (longest, moved) = (largest(asked), largest(segment.heights(gone)));
+                assert!(moved <= slew + 1.0, "{moved} of {slew}");
+                if longest <= slew - 2.0 {
+                    assert_eq!(m.to, m.target);
+                    free += 1;
+                    continue;
+                }
+                limited += 1;
+                // Fractions of the way count in 2^-16, from quarters of an LSB: what that costs.
+                let least_move = slew - 256.0 - longest / 65536.0 - 2.0;
+                assert!(moved >= least_move, "{moved} of {slew}, way {longest}");
+                slowest = slowest.min(moved / slew.min(longest));
+                let part = gone.iter().zip(way).map(|(g, w)| g * w).sum::<f64>()
+                    / way.iter().map(|w| w * w).sum::<f64>();
+                let aside = largest(gone.iter().zip(way).map(|(g, w)| g - part * w));
+                assert!(aside <= 2.0, "{aside} ulp off the straight line");
+            }
+            assert!((least..=most).contains(&report.slewed_actuators));
+        }
+    }
+    println!("slew: {limited} limited, {free} free; slowest {slowest:.3} of what is allowed");
+    assert!(limited > 5000 && free > 5000);
+}
+
+/// The slowest mirror that can be configured, one LSB a frame, arrives: from the far end of its
+/// stroke it never stands still, and over 200 LSB it takes at most 400 frames.
+#[test]
+fn the_slowest_slew_arrives() {
+    let mut rng = Rng::new(56);
+    let mut instrument = instrument(&mut rng);
+    instrument.slope_gain_m_per_px = Values::Uniform([[1e-12, 0.0], [0.0, 1e-12]]);
+    instrument.slew_m_per_frame = Some(1.0001 * instrument.stroke_m / STROKE_LSB);
+    let mut mirror = Mirror::new(instrument);
+    let asked = [13_000, 1_000];
+    for _ in 0..400 {
+        mirror.step(asked, &mut rng);
+    }
+    for (m, segment) in mirror.step(asked, &mut rng).1.iter().zip(&mirror.stored) {
+        let way = [0, 1, 2].map(|k| m.target[k] - m.from[k]);
+        assert!(largest(segment.heights(way)) <= ULP_PER_LSB, "{way:?}");
+        assert_eq!(m.to, m.target);
+    }
+    // Two opposite corners of the mirror, most of a stroke apart.
+    for sign in [1, -1] {
+        let far = [sign * 1_100_000, sign * 1_100_000];
+        for _ in 0..20 {
+            let (_, moves) = mirror.step(far, &mut rng);
+            for (m, segment) in moves.iter().zip(&mirror.stored) {
+                let gone = [0, 1, 2].map(|k| m.to[k] - m.from[k]);
+                let way = [0, 1, 2].map(|k| m.target[k] - m.from[k]);
+                if largest(way) > 2.0 * ULP_PER_LSB {
+                    let moved = largest(segment.heights(gone));
+                    assert!(moved >= 0.4 * ULP_PER_LSB, "{moved} ulp of {way:?}");
+                }
+            }
+        }
+    }
+}
+
+/// Limits and slew together, with segments of every kind: no actuator moves faster, and none
+/// leaves its range.
+#[test]
+fn limits_hold_on_the_way() {
+    let mut rng = Rng::new(58);
+    for _ in 0..60 {
+        let mut instrument = uneven(&mut rng);
+        let slew = rng.uniform(0.0, 14.0).exp2();
+        instrument.slew_m_per_frame = Some(slew * instrument.stroke_m / STROKE_LSB);
+        let mut mirror = Mirror::new(instrument);
+        for _ in 0..40 {
+            let (_, moves) = mirror.step(global(&mut rng), &mut rng);
+            for (m, segment) in moves.iter().zip(&mirror.stored) {
+                let gone = segment.heights([0, 1, 2].map(|k| m.to[k] - m.from[k]));
+                // Three components rounded towards zero, each times up to two.
+                assert!(largest(gone) <= slew * ULP_PER_LSB + 1.0, "{gone:?}");
+                for (height, [low, high]) in segment.heights(m.to).into_iter().zip(segment.limits) {
+                    let past = f64::max(low - height, height - high);
+                    assert!(past <= 4.0 + slack(segment), "{height} {low} {high}");
+                }
+            }
+        }
+    }
 }

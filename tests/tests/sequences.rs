@@ -827,7 +827,7 @@ fn a_refused_specification_leaves_the_bank() {
     let last = other.count() - 1;
     let wrong: [fn(&mut Instrument, usize); 8] = [
         |i, _| i.detector.bits = 99,
-        |i, _| drop(i.origins.pop()),
+        |i, last| i.origins.truncate(last),
         |i, last| i.origins[last] = i.origins[0],
         |i, _| i.gate.readout_s = 1.0,
         |i, last| {

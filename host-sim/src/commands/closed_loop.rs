@@ -2,7 +2,6 @@
 
 use super::{output, progress};
 use crate::board::in_process;
-use crate::calibration::SlopeCalibration;
 use crate::cli::LoopArgs;
 use crate::closed_loop::{ClosedLoop, Run, Sensing};
 use crate::error::{Error, refuse};
@@ -49,7 +48,7 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
     let instrument = args.run.instrument()?;
     let reconstructor = Reconstructor::new(&instrument)?;
     let reconstructor = match args.sensing {
-        Sensing::Images => reconstructor.with_slopes(SlopeCalibration::measure(&instrument)?),
+        Sensing::Images => reconstructor.with_slopes(progress::calibrate(&instrument)?),
         Sensing::Geometric => reconstructor,
     };
     let mut board = in_process(&reconstructor.spec())?;
@@ -108,7 +107,7 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
     files.finish()?;
     write_series(&directory, &series, settle)?;
     draw(&directory, &closed, &reconstructor, &instrument, &series, settle)?;
-    draw_psf(&directory, &exposure, &instrument)?;
+    draw_psf(&directory, &exposure, &instrument, run.seed)?;
     output::report(
         args.output.json,
         &result,
@@ -309,6 +308,7 @@ fn draw_psf(
     directory: &Path,
     exposure: &LongExposure,
     instrument: &Instrument,
+    seed: u64,
 ) -> Result<(), Error> {
     let (side, image) = (exposure.side(), exposure.image());
     let diameter_m = instrument.telescope.pitch_m * instrument.telescope.subapertures as f64;
@@ -322,7 +322,7 @@ fn draw_psf(
     let core: Vec<f32> = rows.flat_map(|row| row[first..first + crop].iter().copied()).collect();
     let title = "long exposure";
     figures::psf(directory.join("psf.svg"), &core, crop, arcsec_per_px, title)?;
-    let header = output::header(instrument, 0, "fraction of diffraction limit").with(
+    let header = output::header(instrument, seed, "fraction of diffraction limit").with(
         "PIXSCALE",
         arcsec_per_px,
         "[arcsec] pixel",

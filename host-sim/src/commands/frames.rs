@@ -6,7 +6,6 @@
 
 use super::{output, progress};
 use crate::board::in_process;
-use crate::calibration::SlopeCalibration;
 use crate::cli::FramesArgs;
 use crate::closed_loop::{ClosedLoop, Run, Sensing};
 use crate::error::Error;
@@ -32,7 +31,7 @@ struct FramesResult {
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &FramesArgs) -> Result<(), Error> {
     let instrument = args.run.instrument()?;
-    let slopes = SlopeCalibration::measure(&instrument)?;
+    let slopes = progress::calibrate(&instrument)?;
     let reconstructor = Reconstructor::new(&instrument)?.with_slopes(slopes);
     let mut board = in_process(&reconstructor.spec())?;
     let run = Run {

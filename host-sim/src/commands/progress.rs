@@ -1,5 +1,8 @@
 //! Progress bars on stderr; invisible where there is no terminal.
 
+use crate::calibration::SlopeCalibration;
+use crate::error::Error;
+use crate::instrument::Instrument;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// A bar over `length` steps of something called `unit`.
@@ -18,4 +21,12 @@ pub(super) fn fraction(what: &'static str) -> (ProgressBar, impl FnMut(f64)) {
     let progress = bar(100, what, "%");
     let moved = progress.clone();
     (progress, move |done: f64| moved.set_position((100.0 * done) as u64))
+}
+
+/// Measures the slope calibration of an instrument behind a bar.
+pub(super) fn calibrate(instrument: &Instrument) -> Result<SlopeCalibration, Error> {
+    let (bar, mut progress) = fraction("calibration");
+    let slopes = SlopeCalibration::measure(instrument, &mut progress)?;
+    bar.finish_and_clear();
+    Ok(slopes)
 }

@@ -37,10 +37,13 @@ pub fn run(args: &ReplayArgs) -> Result<(), Error> {
             Instrument::parse(&file.text(place).map_err(unusable)?, &format!("{name}[CONFIG]"))?
         }
     };
+    instrument.check()?;
     let subapertures = instrument.mask()?.count();
     let slopes = slopes(&mut file, &name, subapertures)?;
     let reconstructor = Reconstructor::new(&instrument)?.with_slopes(slopes);
     let mut board = in_process(&reconstructor.spec())?;
+    let recorded = file.hdus().first().and_then(|hdu| hdu.header.text("SEED"));
+    let seed = recorded.and_then(|seed| seed.parse().ok()).unwrap_or(0);
     let mut cube = file.cube::<u16>(0).map_err(unusable)?;
     let side = instrument.detector_side();
     let [columns, rows] = cube.frame_shape();
@@ -54,7 +57,7 @@ pub fn run(args: &ReplayArgs) -> Result<(), Error> {
     }
 
     let directory = output::directory(args.output.out.as_deref(), "replay")?;
-    let header = output::header(&instrument, 0, "DAC code");
+    let header = output::header(&instrument, seed, "DAC code");
     let segments = reconstructor.mask().count();
     let mut commands = FitsWriter::create(directory.join("commands.fits"))?.cube::<u16>(
         "CODES",

@@ -1,0 +1,135 @@
+//! What an instrument's values may be, by the names they have in its description.
+//!
+//! Optics, detector and firmware check what they are given as well, in their own words; this comes
+//! first, so that an error names what a user wrote.
+
+use super::Instrument;
+use crate::error::{Error, refuse};
+use crate::pupil::MAX_SAMPLES;
+use splash_firmware::centroid::{MAX_WINDOW, MIN_WINDOW};
+use splash_firmware::control::MAX_DELAY;
+use splash_firmware::gate::SPEED_OF_LIGHT_M_PER_S;
+use splash_firmware::geometry::{MAX_ACROSS, MIN_ACROSS};
+
+/// Pixels on a side of the largest detector that the firmware reads.
+pub(super) const MAX_DETECTOR_SIDE: usize = 4096;
+
+impl Instrument {
+    /// Refuses the first value that is out of its limits.
+    ///
+    /// # Errors
+    /// [`Error::Config`] with its name, the value and the limit.
+    pub fn check(&self) -> Result<(), Error> {
+        self.check_light()?;
+        self.check_camera()?;
+        self.check_loop()
+    }
+
+    /// Telescope, turbulence, laser and star.
+    fn check_light(&self) -> Result<(), Error> {
+        let Self { telescope, atmosphere, laser, science, .. } = self;
+        let across = telescope.subapertures as f64;
+        within("telescope.subapertures", across, MIN_ACROSS as f64, MAX_ACROSS as f64)?;
+        within("telescope.pitch_m", telescope.pitch_m, 1e-3, 100.0)?;
+        within("telescope.obstruction", telescope.obstruction, 0.0, 0.99)?;
+        within("telescope.samples", telescope.samples as f64, 2.0, MAX_SAMPLES as f64)?;
+        within("atmosphere.r0_m", atmosphere.r0_m, 1e-4, 1e9)?;
+        for (index, layer) in atmosphere.layers.iter().enumerate() {
+            let check = |field: &str, value, from, to| {
+                within(&format!("atmosphere.layers[{index}].{field}"), value, from, to)
+            };
+            check("weight", layer.weight, 0.0, 1e9)?;
+            check("height_m", layer.height_m, 0.0, 1e6)?;
+            check("wind_speed_m_per_s", layer.wind_speed_m_per_s, 0.0, 1e5)?;
+            check("wind_direction_deg", layer.wind_direction_deg, -360.0, 360.0)?;
+        }
+        let weights: f64 = atmosphere.layers.iter().map(|layer| layer.weight).sum();
+        if weights <= 0.0 {
+            return Err(refuse("atmosphere.layers: sum of weights", weights.abs(), "above 0"));
+        }
+        within("laser.wavelength_m", laser.wavelength_m, 1e-7, 1e-4)?;
+        within("laser.beacon_height_m", laser.beacon_height_m, 1.0, 1e6)?;
+        within("laser.gate_depth_m", laser.gate_depth_m, 1e-3, 2.0 * laser.beacon_height_m)?;
+        within("laser.zenith_angle_deg", laser.zenith_angle_deg, 0.0, 80.0)?;
+        within("laser.pulse_rate_hz", laser.pulse_rate_hz, 0.25, 1e8)?;
+        // One pulse is in flight at a time: the gate closes before the next.
+        let farthest_m = laser.beacon_height_m + laser.gate_depth_m / 2.0;
+        let closed_s =
+            2.0 * farthest_m / (SPEED_OF_LIGHT_M_PER_S * laser.zenith_angle_deg.to_radians().cos());
+        if closed_s * laser.pulse_rate_hz > 1.0 {
+            let limit =
+                format!("at most {:.0}: the gate closes before the next pulse", 1.0 / closed_s);
+            return Err(refuse("laser.pulse_rate_hz", laser.pulse_rate_hz, &limit));
+        }
+        within("laser.pulses_per_frame", f64::from(laser.pulses_per_frame), 1.0, 1e6)?;
+        within("laser.electrons_per_spot", laser.electrons_per_spot, 1e-3, 1e9)?;
+        within("science.wavelength_m", science.wavelength_m, 1e-7, 1e-4)
+    }
+
+    /// Detector and windows.
+    fn check_camera(&self) -> Result<(), Error> {
+        let Self { detector, windows, .. } = self;
+        within("detector.bits", f64::from(detector.bits), 8.0, 16.0)?;
+        within("detector.gain_e_per_adu", detector.gain_e_per_adu, 1e-6, 1e6)?;
+        within("detector.read_noise_e", detector.read_noise_e, 0.0, 1e6)?;
+        within("detector.dark_e_per_frame", detector.dark_e_per_frame, 0.0, 1e9)?;
+        let top = 2f64.powi(detector.bits as i32) - 1.0;
+        within("detector.bias_adu", detector.bias_adu, 0.0, top)?;
+        within("detector.full_well_e", detector.full_well_e, 1.0, 1e9)?;
+        within("detector.response_rms", detector.response_rms, 0.0, 0.25)?;
+        within("detector.readout_s", detector.readout_s, 0.0, self.frame_s())?;
+        within("windows.size", windows.size as f64, MIN_WINDOW as f64, MAX_WINDOW as f64)?;
+        within("windows.pixels_per_lambda_d", windows.pixels_per_lambda_d, 1.0, 8.0)?;
+        self.origins()?;
+        let last = (self.detector_side() - 1) as f64;
+        for (index, pixel) in detector.bad_pixels.iter().enumerate() {
+            for (axis, value) in [("x", pixel.x), ("y", pixel.y)] {
+                let field = format!("detector.bad_pixels[{index}].{axis}");
+                within(&field, value as f64, 0.0, last)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Centroids, control and mirror.
+    fn check_loop(&self) -> Result<(), Error> {
+        let Self { windows, centroids, control, mirror, .. } = self;
+        within("centroids.threshold_sigma", centroids.threshold_sigma, 0.0, 100.0)?;
+        within("centroids.peak_fraction", centroids.peak_fraction, 0.0, 0.9)?;
+        within("centroids.weight_fwhm_px", centroids.weight_fwhm_px, 0.5, 64.0)?;
+        within("centroids.weight_gain", centroids.weight_gain, 0.001, 7.0)?;
+        if centroids.estimator == super::EstimatorName::Brightest {
+            let pixels = (windows.size * windows.size) as f64;
+            within("centroids.brightest", f64::from(centroids.brightest), 1.0, pixels - 1.0)?;
+        }
+        within("centroids.flux_min", centroids.flux_min, 0.0, 1e3)?;
+        within("centroids.flux_max", centroids.flux_max, centroids.flux_min, 1e3)?;
+        // As fine as the firmware's step.
+        if !(control.gain >= 1e-4 && control.gain < 2.0) {
+            return Err(refuse("control.gain", number(control.gain), "above 0 and below 2"));
+        }
+        within("control.lever_arm", control.lever_arm, 0.5, 1.9)?;
+        within("control.delay_frames", f64::from(control.delay_frames), 0.0, MAX_DELAY as f64)?;
+        within("control.sweeps", f64::from(control.sweeps), 0.0, 1000.0)?;
+        within("mirror.stroke_m", mirror.stroke_m, 1e-9, 1.0)?;
+        within("mirror.actuator_radius", mirror.actuator_radius, 0.05, 2.0)?;
+        within("mirror.dac_bits", f64::from(mirror.dac_bits), 8.0, 16.0)?;
+        let step_m = mirror.stroke_m / 65536.0;
+        within("mirror.slew_m_per_frame", mirror.slew_m_per_frame, step_m, mirror.stroke_m)
+    }
+}
+
+/// Refuses what is outside, and what is not a number.
+fn within(field: &str, value: f64, from: f64, to: f64) -> Result<(), Error> {
+    if value >= from && value <= to {
+        return Ok(());
+    }
+    let limit = format!("from {} to {}", number(from), number(to));
+    Err(refuse(field, number(value), &limit))
+}
+
+/// Short for any size: 1e300 is not written out.
+fn number(value: f64) -> String {
+    let plain = value == 0.0 || (1e-4..1e7).contains(&value.abs());
+    if plain { format!("{value}") } else { format!("{value:e}") }
+}
