@@ -57,12 +57,13 @@ impl SlopeCalibration {
     /// # Errors
     /// [`Error::Config`] for an instrument that the optics or the firmware refuse, or whose spots
     /// do not follow their segments: too faint, or windows too small.
-    pub fn measure(
-        instrument: &Instrument,
-        progress: &mut dyn FnMut(f64),
-    ) -> Result<Self, Error> {
+    pub fn measure(instrument: &Instrument, progress: &mut dyn FnMut(f64)) -> Result<Self, Error> {
+        let subapertures = instrument.mask()?.count();
+        if subapertures == 1 {
+            // Its tilt is the global tilt: nothing moves, whatever the gain.
+            return Ok(Self::ideal(instrument, 1));
+        }
         let mut slopes = Self::on_bench(instrument)?;
-        let subapertures = slopes.reference_px.len();
         let skies = SPOTS.div_ceil(subapertures);
         let (mut moved, mut square) = (0.0, 0.0);
         for sky in 0..skies {
@@ -99,8 +100,8 @@ impl SlopeCalibration {
             if !(determinant.abs() > 0.1 && determinant.is_finite()) {
                 return Err(Error::Config(format!(
                     "calibration of subaperture {i}: determinant of the spot's response to its \
-                     segment = {determinant}: must be above 0.1; check windows.size and \
-                     laser.electrons_per_spot"
+                     segment = {determinant}: must be above 0.1; check windows.size, \
+                     laser.electrons_per_spot and the detector's range"
                 )));
             }
             let scale = path / determinant;
@@ -180,8 +181,7 @@ impl<'a> Bench<'a> {
         Ok(Self { pupil, sky, camera, reconstructor, flux_e, poke_rad })
     }
 
-    /// The poke of each subaperture, pixels: a checkerboard, without its mean, which SPLASH does
-    /// not see.
+    /// The poke of each subaperture, pixels, without their mean, which SPLASH does not see.
     fn pokes(&self) -> Vec<f64> {
         let mut pokes: Vec<f64> = self.signs().map(|sign| POKE_PX * sign).collect();
         let mean = pokes.iter().sum::<f64>() / pokes.len() as f64;
@@ -189,8 +189,9 @@ impl<'a> Bench<'a> {
         pokes
     }
 
+    /// One segment up, the next one down.
     fn signs(&self) -> impl Iterator<Item = f64> + '_ {
-        self.pupil.subapertures().iter().map(|[x, y]| if (x + y) % 2 == 0 { 1.0 } else { -1.0 })
+        (0..self.pupil.subapertures().len()).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 })
     }
 
     /// How far each centroid moves, pixels, from minus the pokes to plus the pokes: for pokes

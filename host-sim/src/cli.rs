@@ -99,10 +99,13 @@ pub struct LoopArgs {
 /// `host-sim frames`.
 #[derive(Clone, Debug, Args)]
 pub struct FramesArgs {
-    /// The file to write
+    /// The file to write, in the output directory if one is given
     pub(crate) file: PathBuf,
     #[command(flatten)]
     pub(crate) run: RunArgs,
+    /// Output directory [default: the current one]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
     /// One JSON object on stdout, everything else on stderr
     #[arg(long)]
     pub(crate) json: bool,

@@ -80,8 +80,8 @@ pub struct ClosedLoop<'a> {
 
 /// The optics of the sensor.
 enum Eye {
-    Images { camera: SplashCamera, images: Vec<f32> },
-    Gradients { sensor: GeometricSensor, centroids: Vec<[f64; 2]> },
+    Images { camera: Box<SplashCamera>, images: Vec<f32> },
+    Gradients { sensor: Box<GeometricSensor>, centroids: Vec<[f64; 2]> },
 }
 
 impl<'a> ClosedLoop<'a> {
@@ -121,11 +121,12 @@ impl<'a> ClosedLoop<'a> {
         let (spots, window) = (pupil.subapertures().len(), instrument.windows.size);
         let eye = match run.sensing {
             Sensing::Images => Eye::Images {
-                camera: SplashCamera::new(&pupil, &atmosphere, height_m, scale, window)?,
+                camera: SplashCamera::new(&pupil, &atmosphere, height_m, scale, window)?.into(),
                 images: vec![0.0; spots * window * window],
             },
             Sensing::Geometric => Eye::Gradients {
-                sensor: GeometricSensor::new(run.sensor, &pupil, &atmosphere, height_m, scale)?,
+                sensor: GeometricSensor::new(run.sensor, &pupil, &atmosphere, height_m, scale)?
+                    .into(),
                 centroids: vec![[0.0; 2]; spots],
             },
         };

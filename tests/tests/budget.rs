@@ -19,7 +19,7 @@ const BANK: usize = 112 * KIB;
 /// Pipeline and stack.
 const HOT: usize = 64 * KIB;
 /// Of which the stack below any call of the frame path, on a 64-bit host.
-const STACK: usize = 16 * KIB;
+const STACK: usize = 8 * KIB;
 
 /// Window pixels of 8 x 8 subapertures with windows of 16 x 16, and of 16 x 16 with 8 x 8.
 const PIXELS: usize = 16_384;

@@ -48,7 +48,8 @@ fn instruments() -> Vec<(String, Instrument)> {
         let instrument = calibrated(Instrument::circle(across, window), across as u64);
         cases.push((format!("circle-{across}-window-{window}"), instrument));
     }
-    let weighted = Estimator::WeightedCentreOfGravity { peak_fraction: 0.125, fwhm_px: 4.0, gain: 1.5 };
+    let weighted =
+        Estimator::WeightedCentreOfGravity { peak_fraction: 0.125, fwhm_px: 4.0, gain: 1.5 };
     for (name, estimator) in [
         ("plain", Estimator::CentreOfGravity),
         ("thresholded", Estimator::ThresholdedCentreOfGravity { peak_fraction: 0.25 }),
@@ -164,23 +165,23 @@ fn every_stage_gives_its_golden_bits() {
         }
     }
     if std::env::var_os("SPLASH_ACCEPT").is_some_and(|value| value == "1") {
-        let text: String = found.iter().map(|(name, digest)| format!("{name} {digest}\n")).collect();
+        let text: String =
+            found.iter().map(|(name, digest)| format!("{name} {digest}\n")).collect();
         std::fs::write(path(), text).expect("the golden file can be written");
         return;
     }
     let text = std::fs::read_to_string(path()).unwrap_or_default();
     let golden: BTreeMap<&str, &str> =
         text.lines().filter_map(|line| line.split_once(' ')).collect();
-    let different = found.iter().filter_map(|(name, digest)| {
-        match golden.get(name.as_str()) {
-            Some(golden) if golden == digest => None,
-            Some(golden) => Some(format!("{name}: {digest}, golden {golden}")),
-            None => Some(format!("{name}: {digest}, no golden value")),
-        }
+    let different = found.iter().filter_map(|(name, digest)| match golden.get(name.as_str()) {
+        Some(golden) if golden == digest => None,
+        Some(golden) => Some(format!("{name}: {digest}, golden {golden}")),
+        None => Some(format!("{name}: {digest}, no golden value")),
     });
     let gone = golden.keys().filter(|name| !found.iter().any(|(found, _)| found == *name));
-    let lines: Vec<String> =
-        different.chain(gone.map(|name| format!("{name}: golden, but no longer computed"))).collect();
+    let lines: Vec<String> = different
+        .chain(gone.map(|name| format!("{name}: golden, but no longer computed")))
+        .collect();
     assert!(
         lines.is_empty(),
         "\n{}\n{} of {} differ. If that is meant:\n    \

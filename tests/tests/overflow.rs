@@ -425,14 +425,16 @@ fn extreme_centroids_from_elsewhere_keep_their_sign() {
 fn the_shortest_response_reaches_every_height_it_spans() {
     with_big_stack(|| {
         let mask = Mask::square(4).expect("4 to 40");
-        for law in [Law::Linear, Law::Quadratic] {
+        let drives =
+            [Law::Linear, Law::Quadratic].map(|law| [8, 11, 12, 16].map(|bits| (law, bits)));
+        for &(law, bits) in drives.as_flattened() {
             for (low, high) in [(0.0, 0.26), (0.37, 0.63), (0.74, 1.0)] {
                 for downwards in [false, true] {
                     let mut instrument = Instrument::ideal(mask, 4);
                     let stroke_m = instrument.stroke_m;
                     let [low_m, high_m] = [low, high].map(|part: f64| part * stroke_m);
                     let ends = if downwards { [high_m, low_m] } else { [low_m, high_m] };
-                    instrument.law = law;
+                    (instrument.law, instrument.dac_bits) = (law, bits);
                     instrument.response_m = Values::Uniform([ends; 3]);
                     instrument.limits_m = Values::Uniform([[low_m, high_m]; 3]);
                     for part in [0.01, 0.25, 0.5, 0.75, 0.99] {
@@ -447,7 +449,7 @@ fn the_shortest_response_reaches_every_height_it_spans() {
                             let lsb = 0.5 / 65536.0 + 4e-9;
                             assert!(
                                 least - lsb <= flat && flat <= most + lsb,
-                                "{law:?} {ends:?}: flat at {flat}, code {code} is {least} to {most}"
+                                "{law:?} {bits} {ends:?}: flat at {flat}, code {code} is {least} to {most}"
                             );
                         }
                     }

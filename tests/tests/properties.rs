@@ -45,9 +45,8 @@ fn instrument(seed: u64) -> Instrument {
         cells.swap(i, rng.below(i as u32 + 1) as usize);
     }
     let side = across as u32;
-    let mut place = |cell: u32| {
-        [cell % side, cell / side].map(|i| (i * pitch + rng.below(room)) as u16)
-    };
+    let mut place =
+        |cell: u32| [cell % side, cell / side].map(|i| (i * pitch + rng.below(room)) as u16);
     any.origins = cells[..count].iter().map(|&cell| place(cell)).collect();
     any.detector.width = (side * pitch) as u16;
     any.detector.height = (side * pitch + rng.below(3)) as u16;
@@ -99,13 +98,12 @@ fn instrument(seed: u64) -> Instrument {
     any.dac_bits = 8 + rng.below(9) as u8;
     let piston = rng.uniform(0.25, 3.99);
     let lever = rng.uniform(0.1, 3.99);
-    let segment = [[piston, 0.0, lever], [piston, -lever, -lever / 2.0], [piston, lever, -lever / 2.0]];
+    let segment =
+        [[piston, 0.0, lever], [piston, -lever, -lever / 2.0], [piston, lever, -lever / 2.0]];
     any.matrix = Values::Uniform(segment);
     let stroke_m = any.stroke_m;
     let limits = |rng: &mut Rng| {
-        [(); 3].map(|()| {
-            [rng.uniform(0.0, 0.49) * stroke_m, rng.uniform(0.51, 1.0) * stroke_m]
-        })
+        [(); 3].map(|()| [rng.uniform(0.0, 0.49) * stroke_m, rng.uniform(0.51, 1.0) * stroke_m])
     };
     any.limits_m = Values::Each((0..count).map(|_| limits(rng)).collect());
     any.slew_m_per_frame = (rng.below(2) == 0).then(|| rng.uniform(0.001, 1.0) * stroke_m);
@@ -138,7 +136,10 @@ fn assert_codes_within(instrument: &Instrument, codes: &[[u16; 3]]) -> Result<()
             let [a, b] = [-0.5, 0.5].map(|half| height(f64::from(code) + half));
             let rounding = 4e-9 * instrument.stroke_m;
             let (least, most) = (a.min(b) - rounding, a.max(b) + rounding);
-            prop_assert!(least <= high && most >= low, "code {code}: {least} to {most} m");
+            prop_assert!(
+                least <= high && most >= low,
+                "code {code}: {least} to {most} m, limits {low} to {high}"
+            );
         }
     }
     Ok(())
@@ -199,10 +200,7 @@ fn window<'a>(
 }
 
 /// Sum and centroid are those of the moments: the sum exactly, the centroid within 1 ulp.
-fn assert_measured(
-    found: &Measurement,
-    [sum, mx, my]: [i128; 3],
-) -> Result<(), TestCaseError> {
+fn assert_measured(found: &Measurement, [sum, mx, my]: [i128; 3]) -> Result<(), TestCaseError> {
     prop_assert_eq!(i128::from(found.flux), sum);
     if sum > 0 {
         for (&c, m) in found.centroid_q16.iter().zip([mx, my]) {

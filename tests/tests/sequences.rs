@@ -487,7 +487,11 @@ fn a_reset_forgets_another_mask() {
             step(&mut fresh, &second, number, pixels);
             step(&mut pipeline, &second, number, pixels);
             let count = instrument.count();
-            assert_same(&state(&pipeline), &state(&fresh), &format!("{count} after 64, frame {number}"));
+            assert_same(
+                &state(&pipeline),
+                &state(&fresh),
+                &format!("{count} after 64, frame {number}"),
+            );
         }
     }
 }
@@ -1041,7 +1045,8 @@ fn positions_are_what_the_codes_show() {
             for (position, codes) in pipeline.positions().iter().zip(pipeline.codes()) {
                 let [tip, tilt] = position.tilt_ulp.map(f64::from);
                 for (row, &code) in segment.iter().zip(codes) {
-                    let height = row[0] * f64::from(position.piston_ulp) + row[1] * tip + row[2] * tilt;
+                    let height =
+                        row[0] * f64::from(position.piston_ulp) + row[1] * tip + row[2] * tilt;
                     // Code 65535 is the whole stroke of 2^25 ulp; flat is its middle.
                     let shown = f64::from(code) / 65535.0 * 33_554_432.0 - 16_777_216.0;
                     // Half a code, and an ulp for the rounding of the product.

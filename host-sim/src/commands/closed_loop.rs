@@ -176,7 +176,13 @@ impl Files {
         let side = instrument.telescope.subapertures * instrument.telescope.samples;
         let detector = instrument.detector_side();
         let frames = match run.sensing {
-            Sensing::Geometric => None,
+            Sensing::Geometric => {
+                // What a run with images left here is not of this one. It need not be there.
+                for stale in ["frames.fits", "detector.svg"] {
+                    let _ = std::fs::remove_file(directory.join(stale));
+                }
+                None
+            }
             Sensing::Images => {
                 let last = header("ADU").with("CONTENT", "last frames of the run", "");
                 Some(cube("frames.fits")?.cube("FRAMES", [detector, detector], &last)?)

@@ -48,7 +48,11 @@ pub fn run(args: &FramesArgs) -> Result<(), Error> {
     let side = instrument.detector_side();
     let writable = |error| Error::Config(format!("{error}"));
     let header = output::header(&instrument, run.seed, "ADU");
-    let mut frames = FitsWriter::create(&args.file).map_err(writable)?.cube::<u16>(
+    let path = match &args.out {
+        Some(out) => output::directory(Some(out), "frames")?.join(&args.file),
+        None => args.file.clone(),
+    };
+    let mut frames = FitsWriter::create(&path).map_err(writable)?.cube::<u16>(
         "FRAMES",
         [side, side],
         &header,
@@ -80,7 +84,7 @@ pub fn run(args: &FramesArgs) -> Result<(), Error> {
     file.text("CONFIG", &instrument.to_toml()?)?;
     file.finish()?;
     let result = FramesResult {
-        file: args.file.display().to_string(),
+        file: path.display().to_string(),
         frames: run.frames,
         shape: [strehl.len(), side, side],
         digest: digest.hex(),

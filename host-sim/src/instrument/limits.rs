@@ -80,6 +80,14 @@ impl Instrument {
         within("detector.readout_s", detector.readout_s, 0.0, self.frame_s())?;
         within("windows.size", windows.size as f64, MIN_WINDOW as f64, MAX_WINDOW as f64)?;
         within("windows.pixels_per_lambda_d", windows.pixels_per_lambda_d, 1.0, 8.0)?;
+        // The sampled pupil's image repeats itself there.
+        let period_px = self.telescope.samples as f64 * windows.pixels_per_lambda_d;
+        if windows.size as f64 > period_px {
+            let limit = format!(
+                "at most telescope.samples x windows.pixels_per_lambda_d = {period_px} pixels"
+            );
+            return Err(refuse("windows.size", windows.size, &limit));
+        }
         self.origins()?;
         let last = (self.detector_side() - 1) as f64;
         for (index, pixel) in detector.bad_pixels.iter().enumerate() {

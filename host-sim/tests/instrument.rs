@@ -1,0 +1,233 @@
+//! Instrument descriptions: what a file changes, what a pupil looks like, what is refused.
+
+use host_sim::instrument::{DEFAULT_TOML, Instrument, PupilShape};
+use splash_firmware::geometry::Mask;
+
+fn parse(toml: &str) -> Instrument {
+    Instrument::parse(toml, "test").unwrap()
+}
+
+/// The mask as rows of `#` and `.`.
+fn rows(toml: &str) -> Vec<String> {
+    let mask = parse(toml).mask().unwrap();
+    let cell = |x, y| if mask.contains(x, y) { '#' } else { '.' };
+    (0..mask.across()).map(|y| (0..mask.across()).map(|x| cell(x, y)).collect()).collect()
+}
+
+#[test]
+fn pupils_by_name() {
+    assert_eq!(rows("[telescope]\nsubapertures = 4"), [".##.", "####", "####", ".##."]);
+    let square = rows("[telescope]\nsubapertures = 4\npupil = \"square\"");
+    assert_eq!(square, ["####"; 4]);
+    let annulus = "[telescope]\nsubapertures = 6\npupil = \"annulus\"\nobstruction = 0.4";
+    assert_eq!(rows(annulus), [".####.", "######", "##..##", "##..##", "######", ".####."]);
+    assert_eq!(parse("").mask().unwrap().count(), 52);
+}
+
+#[test]
+fn spiders_cover_the_middle() {
+    let even = "[telescope]\nsubapertures = 6\npupil = \"square\"\nspider = true";
+    assert_eq!(rows(even), ["##..##", "##..##", "......", "......", "##..##", "##..##"]);
+    let odd = "[telescope]\nsubapertures = 5\npupil = \"square\"\nspider = true";
+    assert_eq!(rows(odd), ["##.##", "##.##", ".....", "##.##", "##.##"]);
+}
+
+#[test]
+fn pupils_drawn_by_hand() {
+    let drawn = ["#...", ".##.", "..##", "...#"];
+    let toml = format!("[telescope]\nsubapertures = 4\npupil = {drawn:?}");
+    assert_eq!(rows(&toml), drawn);
+    let instrument = parse(&toml);
+    assert_eq!(instrument.telescope.pupil, PupilShape::Rows(drawn.map(String::from).to_vec()));
+    let cells = instrument.mask().unwrap();
+    assert_eq!(cells.cells().collect::<Vec<_>>(), [(0, 0), (1, 1), (2, 1), (2, 2), (3, 2), (3, 3)]);
+    // Optics, firmware and windows see the same subapertures in the same order.
+    let optics = instrument.pupil().unwrap();
+    let expected = [[0, 0], [1, 1], [2, 1], [2, 2], [3, 2], [3, 3]];
+    assert_eq!(optics.subapertures(), expected);
+    let origins = instrument.origins().unwrap();
+    assert_eq!(origins, expected.map(|cell: [usize; 2]| cell.map(|i| 16 * i as u16)));
+}
+
+#[test]
+fn windows_stand_in_the_middle_of_their_space() {
+    let toml = "[telescope]\nsubapertures = 4\npupil = \"square\"\n[windows]\nspacing_px = 24";
+    let instrument = parse(toml);
+    let origins = instrument.origins().unwrap();
+    assert_eq!(instrument.detector_side(), 96);
+    assert_eq!(origins[0], [4, 4]);
+    assert_eq!(origins[1], [28, 4]);
+    assert_eq!(origins[15], [76, 76]);
+}
+
+#[test]
+fn a_file_is_laid_over_the_default() {
+    assert_eq!(parse(""), Instrument::standard().unwrap());
+    assert_eq!(parse(DEFAULT_TOML), Instrument::standard().unwrap());
+    let mut expected = Instrument::standard().unwrap();
+    expected.telescope.pitch_m = 1.0;
+    expected.laser.pulses_per_frame = 20;
+    // A whole number is a number.
+    assert_eq!(parse("[telescope]\npitch_m = 1\n[laser]\npulses_per_frame = 20"), expected);
+    assert!((expected.frame_s() - 2e-3).abs() < 1e-15);
+    // Layers are replaced as a whole.
+    let layer = "[[atmosphere.layers]]\nweight = 1\nheight_m = 5000\nwind_speed_m_per_s = 20\n\
+                 wind_direction_deg = 45";
+    let layers = parse(layer).atmosphere.layers;
+    assert_eq!(layers.len(), 1);
+    assert_eq!(layers[0].height_m, 5000.0);
+    assert_eq!(parse(layer).atmosphere.r0_m, 0.5);
+}
+
+#[test]
+fn without_noise_the_range_stays() {
+    let noisy = parse("[detector]\nbits = 10\nread_noise_e = 5\ndark_e_per_frame = 2");
+    let clean = noisy.clone().noise_free();
+    assert_eq!((clean.detector.read_noise_e, clean.detector.dark_e_per_frame), (0.0, 0.0));
+    assert_eq!(clean.detector.bits, 16);
+    let electrons = |i: &Instrument| {
+        let codes = 2f64.powi(i.detector.bits as i32) - i.detector.bias_adu;
+        codes * i.detector.gain_e_per_adu
+    };
+    assert!((electrons(&clean) - electrons(&noisy)).abs() < 1e-9);
+    let section = (&clean.telescope, &clean.laser, &clean.windows, &clean.control, &clean.mirror);
+    let before = (&noisy.telescope, &noisy.laser, &noisy.windows, &noisy.control, &noisy.mirror);
+    assert_eq!(section, before);
+    clean.check().unwrap();
+    assert_eq!(clean.clone().noise_free(), clean);
+}
+
+#[test]
+fn written_and_read_again_it_is_the_same() {
+    for toml in [
+        "",
+        "[telescope]\nsubapertures = 4\npupil = [\"####\", \"#..#\", \"#..#\", \"####\"]",
+        "[telescope]\npupil = \"annulus\"\nobstruction = 0.30000000000000004",
+        "[detector]\nbad_pixels = [{ x = 3, y = 7, kind = \"hot\" }]\n\
+         [centroids]\nestimator = \"weighted\"\nthreshold = \"zero-below\"\n\
+         [mirror]\nresponse = \"linear\"",
+    ] {
+        for instrument in [parse(toml), parse(toml).noise_free()] {
+            let written = instrument.to_toml().unwrap();
+            assert_eq!(parse(&written), instrument, "{written}");
+        }
+    }
+}
+
+/// For each whole number of the default description: too small, where it can be, and too large.
+const WRONG_COUNTS: [(&str, &[u32]); 10] = [
+    ("telescope.subapertures", &[0, 3, 41]),
+    ("telescope.samples", &[0, 1, 33]),
+    ("laser.pulses_per_frame", &[0, 1_000_001]),
+    ("detector.bits", &[0, 7, 17]),
+    ("windows.size", &[0, 3, 33]),
+    ("windows.spacing_px", &[0, 15, 513]),
+    ("centroids.brightest", &[0, 256]),
+    ("control.delay_frames", &[4]),
+    ("control.sweeps", &[1001]),
+    ("mirror.dac_bits", &[0, 7, 17]),
+];
+
+#[test]
+fn every_number_has_limits() {
+    Instrument::standard().unwrap().check().unwrap();
+    let default: toml::Table = DEFAULT_TOML.parse().unwrap();
+    let fields = default.iter().flat_map(|(section, table)| {
+        table.as_table().unwrap().iter().map(move |(field, value)| (section, field, value))
+    });
+    let mut refused = 0;
+    for (section, field, value) in fields {
+        let name = format!("{section}.{field}");
+        let wrong: Vec<String> = match value {
+            toml::Value::Float(_) => {
+                ["nan", "inf", "-inf", "-1e300", "1e300"].map(String::from).into()
+            }
+            toml::Value::Integer(_) => {
+                let (_, counts) = WRONG_COUNTS.iter().find(|(of, _)| *of == name).unwrap();
+                counts.iter().map(u32::to_string).collect()
+            }
+            _ => continue,
+        };
+        for wrong in wrong {
+            // Its number is not looked at by another estimator.
+            let brightest = if field == "brightest" { "estimator = \"brightest\"\n" } else { "" };
+            let toml = format!("[{section}]\n{brightest}{field} = {wrong}");
+            let error = parse(&toml).check().expect_err(&toml).to_string();
+            assert!(error.starts_with(&format!("{name} = ")), "{toml}: {error}");
+            assert!(error.contains(": must be ") && error.len() < 120, "{toml}: {error}");
+            refused += 1;
+        }
+    }
+    assert!(refused > 140, "{refused}");
+}
+
+#[test]
+fn every_number_of_a_layer_has_limits() {
+    for field in ["weight", "height_m", "wind_speed_m_per_s", "wind_direction_deg"] {
+        for wrong in ["nan", "inf", "-1e300", "1e300"] {
+            let mut toml = String::from("[[atmosphere.layers]]\n");
+            for name in ["weight", "height_m", "wind_speed_m_per_s", "wind_direction_deg"] {
+                toml += &format!("{name} = {}\n", if name == field { wrong } else { "1" });
+            }
+            let error = parse(&toml).check().unwrap_err().to_string();
+            let name = format!("atmosphere.layers[0].{field} = ");
+            assert!(error.starts_with(&name), "{toml}: {error}");
+        }
+    }
+    let none = parse("[atmosphere]\nlayers = []").check().unwrap_err().to_string();
+    assert_eq!(none, "atmosphere.layers: sum of weights = 0: must be above 0");
+}
+
+/// What passes the check, the firmware takes: at both ends of every limit that both have.
+#[test]
+fn the_firmware_agrees_with_the_limits() {
+    for toml in [
+        "[centroids]\nthreshold_sigma = 0",
+        "[centroids]\nthreshold_sigma = 100",
+        "[centroids]\npeak_fraction = 0",
+        "[centroids]\npeak_fraction = 0.9",
+        "[centroids]\nestimator = \"weighted\"\nweight_fwhm_px = 0.5",
+        "[centroids]\nestimator = \"weighted\"\nweight_fwhm_px = 64",
+        "[centroids]\nestimator = \"weighted\"\nweight_gain = 0.001",
+        "[centroids]\nestimator = \"weighted\"\nweight_gain = 7",
+        "[centroids]\nestimator = \"brightest\"\nbrightest = 1",
+        "[centroids]\nestimator = \"brightest\"\nbrightest = 255",
+        "[centroids]\nflux_min = 0\nflux_max = 0",
+        "[centroids]\nflux_min = 1000\nflux_max = 1000",
+        "[control]\ngain = 0.0001",
+        "[control]\ngain = 1.9999",
+        "[control]\nlever_arm = 0.5",
+        "[control]\nlever_arm = 1.9",
+        "[control]\ndelay_frames = 3",
+        "[control]\nsweeps = 1000",
+        "[mirror]\nstroke_m = 1\nslew_m_per_frame = 1",
+        "[mirror]\nactuator_radius = 0.05",
+        "[mirror]\nactuator_radius = 2",
+        "[mirror]\ndac_bits = 8",
+        "[mirror]\nslew_m_per_frame = 1.3e-10",
+        "[laser]\nzenith_angle_deg = 80\npulse_rate_hz = 2000",
+        "[laser]\npulse_rate_hz = 12336",
+        "[laser]\npulse_rate_hz = 0.25",
+        "[laser]\ngate_depth_m = 0.001",
+        "[laser]\npulses_per_frame = 1000000",
+        "[laser]\nbeacon_height_m = 1\ngate_depth_m = 2",
+        "[detector]\nbits = 16\nbias_adu = 65534",
+        "[detector]\nreadout_s = 0.001",
+        "[windows]\nsize = 4",
+        "[windows]\nsize = 32\nspacing_px = 512",
+        "[telescope]\nsubapertures = 4\nobstruction = 0.99",
+    ] {
+        let instrument = parse(toml);
+        instrument.check().unwrap_or_else(|error| panic!("{toml}: {error}"));
+        let reconstructor = host_sim::reconstructor::Reconstructor::new(&instrument).unwrap();
+        let board = host_sim::board::in_process(&reconstructor.spec());
+        assert!(board.is_ok(), "{toml}: {}", board.err().unwrap());
+    }
+}
+
+#[test]
+fn masks_are_the_firmware_s() {
+    let annulus = parse("[telescope]\npupil = \"annulus\"\nobstruction = 0.25\nspider = true");
+    let expected = Mask::annulus(8, 0.25).unwrap().with_spider();
+    assert_eq!(annulus.mask().unwrap(), expected);
+}
