@@ -10,7 +10,7 @@
 //! units of 8: a response may start several strokes away) and c1 (the change of v over a quarter of
 //! the stroke) are i32 and the product i64 (2^31 x 2^25 = 2^56). The response is monotonic and both ends of the height range are
 //! checked when the configuration is built, so a code never leaves its DAC; rounding is to
-//! nearest.
+//! nearest. A DAC of fewer than 16 bits uses the upper ones of a 16-bit code, rounded.
 
 use crate::fixed;
 
@@ -41,14 +41,30 @@ pub(crate) const SLOPE_BITS: u32 = 23;
 /// room for the 2^33.4 that an offset can reach at a quarter of the stroke's span.
 pub(crate) const OFFSET_BITS: u32 = 3;
 
+/// What all actuators share.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Drive {
+    /// How height follows from code.
+    pub(crate) law: Law,
+    /// Bits that the DAC lacks of 16.
+    pub(crate) spare_bits: u32,
+}
+
 /// The DAC code for `height_ulp`.
 #[inline(always)]
-pub(crate) fn code(response: Response, law: Law, height_ulp: u32) -> u16 {
+pub(crate) fn code(response: Response, drive: Drive, height_ulp: u32) -> u16 {
     let rise = (i64::from(response.slope) * i64::from(height_ulp)) >> SLOPE_BITS;
     let v = (i64::from(response.offset) << OFFSET_BITS).wrapping_add(rise);
     let v = v.clamp(0, i64::from(i32::MAX)) as u32;
-    match law {
-        Law::Linear => ((v + (1 << 14)) >> 15).min(u32::from(u16::MAX)) as u16,
-        Law::Quadratic => fixed::sqrt_rounded(v << 1),
-    }
+    let spare = drive.spare_bits;
+    let code = match drive.law {
+        Law::Linear => (v + (1 << (14 + spare))) >> (15 + spare),
+        Law::Quadratic => {
+            let (root, up) = fixed::square_root(v << 1);
+            // Rounded once: the half below the root's last bit counts only where none is dropped.
+            (root + ((1 << spare) >> 1) + up * u32::from(spare == 0)) >> spare
+        }
+    };
+    // Rounding up at the very top is the only way past the highest code.
+    code.min(u32::from(u16::MAX) >> spare) as u16
 }

@@ -5,7 +5,7 @@
 //! leaves the bank as it was. The frame path borrows the bank, so that two of them can be swapped
 //! between frames.
 
-use crate::actuators::{Law, Response};
+use crate::actuators::{Drive, Law, Response};
 use crate::centroid::{EstimatorConfig, Template};
 use crate::control::{ControlConfig, Gains};
 use crate::error::ConfigError;
@@ -64,7 +64,7 @@ pub struct Config<const M: usize, const P: usize, const B: usize> {
     pub(crate) sor: SorConfig<M>,
     pub(crate) segments: heapless::Vec<Segment, M>,
     pub(crate) slew_ulp: i32,
-    pub(crate) law: Law,
+    pub(crate) drive: Drive,
     pub(crate) responses: heapless::Vec<[Response; ACTUATORS], M>,
     timing: GateTiming,
     lsb_m: f64,
@@ -102,7 +102,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             sor: SorConfig::EMPTY,
             segments: heapless::Vec::new(),
             slew_ulp: 0,
-            law: Law::Linear,
+            drive: Drive { law: Law::Linear, spare_bits: 0 },
             responses: heapless::Vec::new(),
             timing: GateTiming { delay_ns: 0, width_ns: 0, period_ns: 0, pulses_per_frame: 0 },
             lsb_m: 0.0,
@@ -146,7 +146,8 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.control = control;
         self.tilt_max_age = spec.control.global_tilt_max_age;
         self.slew_ulp = slew_ulp;
-        self.law = spec.actuators.law;
+        let spare_bits = 16 - u32::from(spec.actuators.dac_bits.clamp(8, 16));
+        self.drive = Drive { law: spec.actuators.law, spare_bits };
         self.timing = timing;
         self.lsb_m = quantiser.lsb_m;
         self.adu_per_unit = quantiser.adu_per_unit;

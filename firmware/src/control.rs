@@ -212,6 +212,9 @@ impl<const M: usize> Control<M> {
     pub(crate) fn reset(&mut self) {
         self.command = [[0; 2]; M];
         self.applied = [[[0; 2]; M]; HISTORY];
+        // Another mask may follow: what it leaves out has to be zero.
+        self.field.iter_mut().for_each(|field| field.fill(0));
+        self.status.fill(0);
     }
 }
 

@@ -97,50 +97,42 @@ pub fn ratio_q16(num: u32, den: u32) -> u32 {
     (whole << 16) + (high << 6) + low
 }
 
-/// Entries of the square-root table: `round(256 sqrt(256 i))` at `i = 64 ..= 256`.
-const ROOT_TABLE: [u16; 193] = root_table();
+/// The square-root table: `round(sqrt(2^24 i))` at `i = 64 ..= 256`.
+const ROOT_TABLE: [u32; 193] = root_table();
 
-const fn root_table() -> [u16; 193] {
+const fn root_table() -> [u32; 193] {
     let mut table = [0; 193];
     let mut i = 0;
-    while i < 193 {
-        let v: u64 = (i as u64 + 64) << 24;
-        let mut r: u64 = 0;
-        let mut bit = 16;
-        while bit > 0 {
-            bit -= 1;
-            let trial = r + (1 << bit);
-            if trial * trial <= v {
-                r = trial;
-            }
-        }
-        // The last entry, sqrt(2^32) = 65536, is stored as 65535; the correction below absorbs it.
-        table[i] = r as u16;
+    while i < table.len() {
+        let v = (i as u64 + 64) << 24;
+        let floor = v.isqrt();
+        table[i] = (floor + (v > floor * floor + floor) as u64) as u32;
         i += 1;
     }
     table
 }
 
-/// The square root of `v`, rounded to nearest: `floor(sqrt(v) + 1/2)`, at most 65535.
+/// The square root of `v` and whether it is nearer to the next integer: its floor, and 1 if the
+/// fraction is a half or more.
 ///
-/// A table of 193 roots interpolated linearly on the normalised argument is within one of the
-/// floor; two comparisons make it exact, and one more rounds.
+/// A table of 193 roots, rounded, interpolated linearly on the normalised argument and rounded is
+/// off by less than 1.25 (a half each, and a quarter for the chord): within one of the floor. Two
+/// comparisons make it exact, and one more tells the fraction.
 #[inline]
-pub fn sqrt_rounded(v: u32) -> u16 {
+pub fn square_root(v: u32) -> (u32, u32) {
     // An even shift puts the leading bit in the top two; v = 0 takes the same path.
     let shift = (v | 1).leading_zeros() & !1;
     let m = v.wrapping_shl(shift);
     let index = (m >> 24).max(64) - 64;
     let fraction = (m >> 8) & 0xffff;
-    let at = |i: u32| u32::from(ROOT_TABLE.get(i as usize).copied().unwrap_or(u16::MAX));
+    let at = |i: u32| ROOT_TABLE.get(i as usize).copied().unwrap_or(1 << 16);
     let (low, high) = (at(index), at(index + 1));
-    let root = low + (((high - low) * fraction) >> 16);
+    let root = low + (((high - low) * fraction + (1 << 15)) >> 16);
     let mut r = root >> (shift / 2);
     r -= u32::from(square(r) > u64::from(v));
     r += u32::from(square(r + 1) <= u64::from(v));
-    // Round up when v >= (r + 1/2)^2 = r^2 + r + 1/4, that is v > r^2 + r.
-    r += u32::from(u64::from(v) > square(r) + u64::from(r));
-    r.min(65535) as u16
+    // v >= (r + 1/2)^2 = r^2 + r + 1/4, that is v > r^2 + r.
+    (r, u32::from(u64::from(v) > square(r) + u64::from(r)))
 }
 
 #[inline(always)]
@@ -176,10 +168,12 @@ mod tests {
     }
 
     #[test]
-    fn square_root_is_rounded_to_nearest() {
+    fn square_root_is_exact() {
         let check = |v: u32| {
-            let expected = (f64::from(v).sqrt() + 0.5).floor().min(65535.0);
-            assert_eq!(f64::from(sqrt_rounded(v)), expected, "sqrt {v}");
+            let (floor, up) = square_root(v);
+            let root = f64::from(v).sqrt();
+            assert_eq!(f64::from(floor), root.floor(), "sqrt {v}");
+            assert_eq!(f64::from(floor + up), (root + 0.5).floor(), "sqrt {v}");
         };
         // Every neighbourhood of a perfect square and of a rounding boundary, and a spread.
         for r in 0..65536u32 {

@@ -106,12 +106,17 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     /// Opens the loop: forgets every frame, and sets the codes of the flat mirror.
     pub fn reset<const P: usize>(&mut self, config: &Config<M, P, B>) {
         self.phase = Phase::Idle;
-        self.warm = false;
-        self.flat = true;
         self.extra_rows = 0;
         self.restarted = false;
         self.global_tilt = None;
         self.totals = Totals::default();
+        self.flatten(config);
+    }
+
+    /// Forgets what frames have left in the loop, and sets the codes of the flat mirror.
+    fn flatten<const P: usize>(&mut self, config: &Config<M, P, B>) {
+        self.warm = false;
+        self.flat = true;
         self.readout.reset();
         self.control.reset();
         self.sor.reset();
@@ -121,23 +126,25 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         let targets = config.segments.iter().zip(&config.responses).zip(&mut self.codes);
         for ((segment, responses), codes) in targets {
             let flat = segment.advance(Position::default(), Position::default(), i32::MAX);
-            *codes = dac_codes(config.law, responses, flat.heights_ulp);
+            *codes = dac_codes(config.drive, responses, flat.heights_ulp);
         }
     }
 
     /// Starts frame `frame`. An unfinished one is dropped and counted.
     ///
     /// The configuration may have been exchanged since the last frame for one with the same mask;
-    /// for another mask, call [`Pipeline::reset`] first.
+    /// for another mask, call [`Pipeline::reset`] first. (Another number of subapertures is seen
+    /// and starts from the flat mirror.)
     pub fn begin<const P: usize>(&mut self, config: &Config<M, P, B>, frame: u32) {
-        if !self.flat {
-            // A global tilt may have come before the first frame.
-            let global_tilt = self.global_tilt;
-            self.reset(config);
-            self.global_tilt = global_tilt;
+        if !self.flat || self.subapertures != config.subapertures() {
+            self.flatten(config);
         }
         self.restarted = self.phase != Phase::Idle;
         self.totals.restarted = self.totals.restarted.saturating_add(u32::from(self.restarted));
+        if self.restarted {
+            // The mirror kept its shape while that frame was exposed.
+            self.control.hold();
+        }
         self.frame = frame;
         self.extra_rows = 0;
         self.phase = Phase::Reading;
@@ -289,7 +296,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
             let target = target(*command, self.sor.piston(*node), *node, global_tilt);
             let step = segment.advance(*position, target, config.slew_ulp);
             *position = step.position;
-            *codes = dac_codes(config.law, responses, step.heights_ulp);
+            *codes = dac_codes(config.drive, responses, step.heights_ulp);
             report.saturated_actuators += step.limited.saturated as u16;
             report.slewed_actuators += step.limited.slewed as u16;
         }
@@ -305,7 +312,8 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     /// The global tilt in use: the last one given, however old.
     fn current_tilt(&mut self, max_age: u32, report: &mut Report) -> [i32; 2] {
         let Some(tilt) = self.global_tilt else { return [0; 2] };
-        let age = self.frame.wrapping_sub(tilt.frame);
+        // A tilt may belong to a frame that is still to come.
+        let age = (self.frame.wrapping_sub(tilt.frame) as i32).max(0) as u32;
         report.global_tilt_age = Some(age);
         report.global_tilt_stale = age > max_age;
         tilt.tilt_ulp
@@ -379,9 +387,9 @@ fn target(command: [i32; 2], piston: i32, node: Node, global: [i32; 2]) -> Posit
 
 #[inline(always)]
 fn dac_codes(
-    law: actuators::Law,
+    drive: actuators::Drive,
     [r0, r1, r2]: &[actuators::Response; ACTUATORS],
     [h0, h1, h2]: [u32; ACTUATORS],
 ) -> [u16; ACTUATORS] {
-    [(r0, h0), (r1, h1), (r2, h2)].map(|(r, h)| actuators::code(*r, law, h))
+    [(r0, h0), (r1, h1), (r2, h2)].map(|(r, h)| actuators::code(*r, drive, h))
 }

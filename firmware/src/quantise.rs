@@ -71,7 +71,8 @@ impl<'a> Quantiser<'a> {
         // Without one good pixel there is no gain to divide by; such a detector sees nothing.
         quantiser.adu_per_unit = if largest > 0.0 { largest } else { 1.0 };
         let highest = (threshold / quantiser.adu_per_unit).min(65535.0);
-        while highest / power(quantiser.threshold_shift) > 255.0 {
+        // At most 8: a u8 shifted by that still is a u16, and 255 x 256 is high enough.
+        while highest / power(quantiser.threshold_shift) > 255.0 && quantiser.threshold_shift < 8 {
             quantiser.threshold_shift += 1;
         }
         quantiser.gain_exponent = quantiser.common_exponent()?;
@@ -147,8 +148,9 @@ impl<'a> Quantiser<'a> {
             largest = gain.as_flattened().iter().fold(largest, |m, g| m.max(g.abs()));
         }
         let highest = largest * self.ulp_per_m();
-        let limit_ulp = power(30);
-        if highest >= limit_ulp {
+        // A mantissa under the largest exponent that leaves a bit to round on.
+        let limit_ulp = 32767.0 * power(15);
+        if highest > limit_ulp {
             let limit = Limit::Within(0.0, limit_ulp / self.ulp_per_m());
             return Err(ConfigError::new(Field::SlopeGain, largest, limit));
         }
@@ -345,7 +347,9 @@ impl<'a> Quantiser<'a> {
         let actuators = &self.spec.actuators;
         let bits = f64::from(actuators.dac_bits);
         ConfigError::check(Field::DacBits, None, bits, (8.0, 16.0))?;
-        let top = power(u32::from(actuators.dac_bits)) - 1.0;
+        // Codes with fewer bits have a fraction, up to 16 bits in all.
+        let spare = 16u32.saturating_sub(u32::from(actuators.dac_bits));
+        let top = power(16) - power(spare);
         let full_v = match actuators.law {
             Law::Linear => top * power(15),
             Law::Quadratic => top * top / 2.0,

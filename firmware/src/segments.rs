@@ -18,7 +18,7 @@
 //!
 //! **Scaling and overflow.** Positions in ulp: |p| <= 2^26 with a global tilt's plane, |tip|,
 //! |tilt| <= 2^23. Matrix Q13 in i16 (within +-4), inverse of m_a0 Q13 in u16 (m_a0 from 1/4 to
-//! 4): i64 products, |q| <= 2^26, |q / m_a0| <= 2^28. Scales are Q16 fractions from operands in
+//! 4) refined to Q26: i64 products, |q| <= 2^26, |q / m_a0| <= 2^28. Scales are Q16 fractions from operands in
 //! quarters of an LSB up to 2^22 ([`fixed::ratio_q16`]), rounded down so that the result is inside.
 //! Limits are relative to the flat map.
 
@@ -101,8 +101,10 @@ impl Segment {
     #[inline(always)]
     fn as_piston(&self, heights: [i32; ACTUATORS]) -> [i32; ACTUATORS] {
         let ([a, b, c], [ia, ib, ic]) = (heights, self.inverse_piston);
-        [(a, ia), (b, ib), (c, ic)].map(|(height, inverse)| {
-            fixed::round_shift(i64::from(height) * i64::from(inverse), MATRIX_BITS) as i32
+        let [[ma, ..], [mb, ..], [mc, ..]] = self.matrix;
+        [(a, ia, ma), (b, ib, mb), (c, ic, mc)].map(|(height, inverse, influence)| {
+            let inverse = refine(inverse, influence);
+            fixed::round_shift(i64::from(height) * inverse, 2 * MATRIX_BITS) as i32
         })
     }
 
@@ -135,8 +137,7 @@ impl Segment {
 
         let [(h0, l0), (h1, l1), (h2, l2)] = pairs(self.heights(position), limits);
         let [f0, f1, f2] = self.flat.map(|flat| u32::from(flat) << LENGTH_BITS);
-        // Inside by construction but for rounding: 1 ulp, and 2^-14 of the height where the piston
-        // column is not one.
+        // Inside by construction but for the rounding of the last products.
         let heights_ulp = [(h0, l0, f0), (h1, l1, f1), (h2, l2, f2)]
             .map(|(h, (low, high), flat)| flat.wrapping_add_signed(h.max(low).min(high)));
         Move { position, heights_ulp, limited: Limited { saturated, slewed } }
@@ -163,6 +164,14 @@ impl Segment {
     }
 }
 
+/// 1 / influence in Q26 from a Q13 approximation: one step of Newton's, r (2 - m r), takes its
+/// relative error from 2^-12 to 2^-24.
+#[inline(always)]
+fn refine(inverse: u16, influence: i16) -> i64 {
+    let r = i64::from(inverse);
+    (r << (MATRIX_BITS + 1)) - ((i64::from(influence) * r * r) >> MATRIX_BITS)
+}
+
 #[inline(always)]
 fn pairs<A: Copy, B: Copy>([a0, a1, a2]: [A; 3], [b0, b1, b2]: [B; 3]) -> [(A, B); 3] {
     [(a0, b0), (a1, b1), (a2, b2)]
@@ -179,9 +188,11 @@ fn count<A: Copy, B: Copy>(a: [A; 3], b: [B; 3], rule: impl Fn(A, B) -> bool) ->
 /// is rounded down and `need` up.
 #[inline(always)]
 fn scale(room: i32, need: i32) -> u32 {
+    let fits = u32::from(need <= room.max(0)) << 16;
     let room = (room.max(0) >> 7) as u32;
     let need = (need.max(0).wrapping_add(127) >> 7) as u32;
-    fixed::ratio_q16(room, need)
+    // Rounding must not slow down what fits.
+    fixed::ratio_q16(room, need).max(fits)
 }
 
 /// `x scale`, scale in Q16 up to 1, rounded towards zero.

@@ -7,7 +7,7 @@
 //! `c` in Q16 pixels; `s` is the tip (x) and tilt (y) of the segment as its centre-to-edge optical
 //! path difference in ulp, so that the path difference across the edge between neighbours i and j
 //! is exactly s_i + s_j. The 2 x 2 matrix carries pixel scale, rotation, flips and centroid gain:
-//! 16-bit mantissas under one exponent for all, products in i64 (2^15 x 2^22 x 2 < 2^38), rounded
+//! 16-bit mantissas under one exponent for all, products in i64 (2^15 x 2^33 x 2 = 2^49), rounded
 //! once, saturated to +-2^23 ulp.
 
 use crate::centroid::Measurement;
@@ -55,8 +55,8 @@ pub(crate) fn slope(
 ) -> Slope {
     let [cx, cy] = measurement.centroid_q16;
     let [rx, ry] = calibration.reference_q16;
-    // Both are Q16 pixels below 2^22, so the difference cannot overflow.
-    let (x, y) = (i64::from(cx.wrapping_sub(rx)), i64::from(cy.wrapping_sub(ry)));
+    // 64 bits: a centroid from elsewhere may be any i32. The products stay below 2^49.
+    let (x, y) = (i64::from(cx) - i64::from(rx), i64::from(cy) - i64::from(ry));
     let shift = CENTROID_BITS - exponent;
     let tilt_ulp = calibration.gain.map(|[gx, gy]| {
         let product = i64::from(gx) * x + i64::from(gy) * y;

@@ -41,7 +41,7 @@ pub(crate) fn windows(spec: &Spec<'_>) -> Result<(), ConfigError> {
         }
         let overlaps = |&[ox, oy]: &[u16; 2]| x.abs_diff(ox) < size && y.abs_diff(oy) < size;
         if let Some(other) = origins.iter().skip(i + 1).position(overlaps) {
-            let rule = Limit::Rule("is the number of a window that overlaps this one");
+            let rule = Limit::Rule("is a window that it overlaps; windows must not overlap");
             return Err(ConfigError::at(Field::WindowOrigin, i, (i + 1 + other) as f64, rule));
         }
     }

@@ -38,7 +38,7 @@ enum Command {
 /// What every command takes.
 #[derive(Clone, Debug, Args)]
 pub struct OutputArgs {
-    /// Output directory [default: target/splash/<command>]
+    /// Output directory [default: target/splash/COMMAND]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// One JSON object on stdout, everything else on stderr

@@ -392,7 +392,7 @@ fn values_out_of_their_limits_are_refused() {
         ("[windows]\nspacing_px = 1025", &["windows.spacing_px = 1025", "1024"]),
         ("[windows]\nsize = 3", &["windows.size = 3: must be from 4 to 32"]),
         ("[windows]\nsize = 33\nspacing_px = 33", &["windows.size = 33: must be from 4 to 32"]),
-        ("[windows]\nsize = 20\nspacing_px = 20", &["window = 20", "16 pixels", "samples"]),
+        ("[windows]\nsize = 20\nspacing_px = 20", &["windows.size = 20", "16 pixels", "samples"]),
         ("[laser]\npulse_rate_hz = 20000", &["laser.pulse_rate_hz = 20000", "12337", "gate"]),
         ("[laser]\nzenith_angle_deg = 70", &["laser.pulse_rate_hz = 10000", "gate"]),
         ("[detector]\nreadout_s = 0.0011", &["detector.readout_s = 0.0011", "to 0.001"]),

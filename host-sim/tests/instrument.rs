@@ -214,7 +214,7 @@ fn the_firmware_agrees_with_the_limits() {
         "[detector]\nbits = 16\nbias_adu = 65534",
         "[detector]\nreadout_s = 0.001",
         "[windows]\nsize = 4",
-        "[windows]\nsize = 32\nspacing_px = 512",
+        "[telescope]\nsamples = 16\n[windows]\nsize = 32\nspacing_px = 512",
         "[telescope]\nsubapertures = 4\nobstruction = 0.99",
     ] {
         let instrument = parse(toml);

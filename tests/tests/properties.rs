@@ -1,6 +1,7 @@
 //! Properties of the frame path under random instruments and random row sequences.
 
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 use splash_firmware::actuators::Law;
 use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;
@@ -75,7 +76,7 @@ fn instrument(seed: u64) -> Instrument {
     };
     let gain_m = any.stroke_m * rng.uniform(0.001, 10.0);
     let one = |rng: &mut Rng| {
-        let turn = rng.uniform(0.0, 6.28);
+        let turn = rng.uniform(0.0, std::f64::consts::TAU);
         [[turn.cos(), -turn.sin()], [turn.sin(), turn.cos()]].map(|row| row.map(|g| g * gain_m))
     };
     any.slope_gain_m_per_px = Values::Each((0..count).map(|_| one(rng)).collect());
@@ -214,7 +215,7 @@ fn assert_measured(found: &Measurement, [sum, mx, my]: [i128; 3]) -> Result<(), 
     Ok(())
 }
 
-/// Twice a pixel row's signal: raw pixels, dark level, threshold, uniform gain.
+/// An instrument whose signal is raw less dark level and threshold, in whole ADU.
 fn without_maps(seed: u64, dark: u16, threshold: u16, convention: Convention) -> Instrument {
     let mut plain = instrument(seed);
     plain.detector.bits = 16;
@@ -231,6 +232,8 @@ fn without_maps(seed: u64, dark: u16, threshold: u16, convention: Convention) ->
 proptest! {
     #![proptest_config(ProptestConfig {
         cases: 1000,
+        // The same cases on every machine and in every run.
+        rng_seed: RngSeed::Fixed(2006),
         failure_persistence: None,
         ..ProptestConfig::default()
     })]
@@ -322,12 +325,12 @@ proptest! {
     fn sums_are_those_of_an_exact_model(
         seed in any::<u64>(),
         dark in 0u16..3000,
-        threshold in 0u16..200,
+        // Stored in eight bits where it is not subtracted.
+        threshold in 0u16..256,
         subtract in any::<bool>(),
         n in any::<prop::sample::Index>(),
     ) {
         let convention = if subtract { Convention::Subtract } else { Convention::ZeroBelow };
-        // Stored in eight bits: whole values only below 256.
         let mut plain = without_maps(seed, dark, threshold, convention);
         let size = usize::from(plain.window);
         let n = 1 + n.index(size * size - 1);
