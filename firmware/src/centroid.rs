@@ -25,6 +25,7 @@
 //! | brightest-n | the (n+1)-th brightest pixel of the window | one a signal bit |
 
 use crate::fixed::{self, CENTROID_BITS};
+use crate::pixels::{self, BankRow, Cut, RowPixels, Seen};
 
 /// Largest window, pixels on a side.
 pub const MAX_WINDOW: usize = 32;
@@ -58,7 +59,7 @@ pub struct Measurement {
 }
 
 /// Running sums of one window.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Moments {
     /// I.
     pub(crate) sum: u64,
@@ -66,10 +67,8 @@ pub(crate) struct Moments {
     pub(crate) x: i64,
     /// My, half pixels.
     pub(crate) y: i64,
-    /// Largest calibrated pixel so far.
-    pub(crate) peak: u16,
-    /// Saturated pixels so far.
-    pub(crate) saturated: u16,
+    /// Largest calibrated pixel and saturated pixels so far.
+    pub(crate) seen: Seen,
 }
 
 /// Bits of the divisor of a centroid: those of the largest plain sum.
@@ -77,7 +76,7 @@ const SUM_BITS: u32 = 26;
 
 impl Moments {
     /// No signal yet.
-    pub(crate) const ZERO: Self = Self { sum: 0, x: 0, y: 0, peak: 0, saturated: 0 };
+    pub(crate) const ZERO: Self = Self { sum: 0, x: 0, y: 0, seen: Seen::NOTHING };
 
     /// Adds window row `y` with sum `sum` (below 2^37) and x moment `x`.
     #[inline(always)]
@@ -104,11 +103,12 @@ impl Moments {
     #[inline]
     pub(crate) fn measurement(&self, weight_bits: u32) -> Measurement {
         let half = (1u64 << weight_bits) >> 1;
+        let RowPixels { peak, saturated } = self.seen.all();
         Measurement {
             centroid_q16: self.centroid_q16(),
             flux: (self.sum.wrapping_add(half) >> weight_bits) as u32,
-            peak: self.peak,
-            saturated: self.saturated,
+            peak,
+            saturated,
         }
     }
 }
@@ -128,6 +128,24 @@ pub(crate) fn row_moments(signal: &[u16]) -> (u64, i64) {
         (sum.wrapping_add(u32::from(s)), x.wrapping_add(weighted))
     });
     (u64::from(sum), i64::from(x))
+}
+
+/// Sum and x moment of one raw window row.
+#[inline(always)]
+pub(crate) fn calibrated_row_moments(
+    raw: &[u16],
+    row: BankRow<'_>,
+    cut: Cut,
+    seen: &mut Seen,
+) -> (u64, i64) {
+    #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
+    if raw.len().is_multiple_of(crate::dsp::sse2::LANES) {
+        return crate::dsp::sse2::row_moments(raw, row, cut, seen);
+    }
+    let mut buffer = [0u16; MAX_WINDOW];
+    let signal = buffer.get_mut(..raw.len()).unwrap_or_default();
+    pixels::signal(raw, row, cut, seen, signal);
+    row_moments(signal)
 }
 
 /// Fraction bits of the two weights of a pixel, its column's and its row's.
@@ -222,7 +240,7 @@ pub(crate) fn unweighted(centre: i32, measured_q16: i32, gain_q12: i32) -> i32 {
 
 /// The (n+1)-th largest of `signal`, each below 2^bits: the largest t that at least n + 1 pixels
 /// reach. One counting pass a bit: linear in the pixels, and its time does not depend on them.
-#[inline]
+#[inline(always)]
 pub(crate) fn nth_brightest(signal: &[u16], n: u32, bits: u32) -> u16 {
     let mut threshold = 0u16;
     for bit in (0..bits.min(16)).rev() {
@@ -236,7 +254,7 @@ pub(crate) fn nth_brightest(signal: &[u16], n: u32, bits: u32) -> u16 {
 
 /// Moments of a buffered window above the (n+1)-th brightest pixel. Pixels equal to that one
 /// contribute nothing, so ties need no order and at most n pixels count.
-#[inline]
+#[inline(always)]
 pub(crate) fn brightest_moments(signal: &[u16], window: usize, n: u32, bits: u32) -> Moments {
     let threshold = nth_brightest(signal, n, bits);
     let mut moments = Moments::ZERO;

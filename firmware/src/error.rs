@@ -125,7 +125,8 @@ pub enum Limit {
 pub struct ConfigError {
     /// The field.
     pub field: Field,
-    /// Which entry of a field that has many: a subaperture, or a detector pixel in row-major order.
+    /// Which entry of a field that has many: a subaperture, a detector pixel in row-major order, or
+    /// a place in the list of bad pixels.
     pub index: Option<u32>,
     /// The value it had.
     pub value: f64,

@@ -33,6 +33,9 @@ use crate::sor::{Node, Sor};
 /// Largest piston handed to a segment, ulp: beyond any stroke, and inside the segments' bounds.
 const TARGET_LIMIT: i32 = 1 << 26;
 
+/// Frames by which a global tilt may be ahead of the frame it is first used in.
+const MAX_AHEAD: u32 = 1 << 16;
+
 /// Where a frame is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
@@ -312,8 +315,9 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     /// The global tilt in use: the last one given, however old.
     fn current_tilt(&mut self, max_age: u32, report: &mut Report) -> [i32; 2] {
         let Some(tilt) = self.global_tilt else { return [0; 2] };
-        // A tilt may belong to a frame that is still to come.
-        let age = (self.frame.wrapping_sub(tilt.frame) as i32).max(0) as u32;
+        let age = self.frame.wrapping_sub(tilt.frame);
+        // A tilt may belong to a frame that is still to come, though not by far.
+        let age = if age.wrapping_neg() <= MAX_AHEAD { 0 } else { age };
         report.global_tilt_age = Some(age);
         report.global_tilt_stale = age > max_age;
         tilt.tilt_ulp

@@ -108,17 +108,97 @@ impl<const P: usize> Bank<P> {
         let _ = self.threshold.push(pixel.threshold);
     }
 
-    /// The `window` pixels from position `start`; `None` beyond the end, which a validated
-    /// configuration never asks for.
+    /// The pixels of windows `first .. next`, `area` each, one window after the other.
     #[inline(always)]
-    pub(crate) fn row(&self, start: usize, window: usize) -> Option<BankRow<'_>> {
+    pub(crate) fn windows(
+        &self,
+        first: usize,
+        next: usize,
+        area: usize,
+    ) -> impl Iterator<Item = BankRow<'_>> {
+        let area = area.max(1);
+        let all = first.wrapping_mul(area)..next.wrapping_mul(area);
+        // Beyond the end, where a validated configuration never asks, there are no windows.
+        let floor = self.floor.get(all.clone()).unwrap_or_default().chunks_exact(area);
+        let loss = self.loss.get(all.clone()).unwrap_or_default().chunks_exact(area);
+        let threshold = self.threshold.get(all).unwrap_or_default().chunks_exact(area);
+        floor.zip(loss).zip(threshold).map(|((floor, loss), threshold)| BankRow {
+            floor,
+            loss,
+            threshold,
+        })
+    }
+}
+
+impl BankRow<'_> {
+    /// The `window` pixels from place `start` of these.
+    #[inline(always)]
+    pub(crate) fn part(&self, start: usize, window: usize) -> Option<Self> {
         let end = start.wrapping_add(window);
-        Some(BankRow {
+        Some(Self {
             floor: self.floor.get(start..end)?,
             loss: self.loss.get(start..end)?,
             threshold: self.threshold.get(start..end)?,
         })
     }
+}
+
+/// Lanes in which peaks and saturated pixels of a window are gathered: those of the packed kernels.
+const LANES: usize = if cfg!(all(target_arch = "x86_64", target_feature = "sse2")) { 8 } else { 1 };
+
+/// What a window's rows told about its pixels besides the signal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Seen {
+    pub(crate) peak: [u16; LANES],
+    pub(crate) saturated: [u16; LANES],
+}
+
+impl Seen {
+    pub(crate) const NOTHING: Self = Self { peak: [0; LANES], saturated: [0; LANES] };
+
+    /// Adds a row.
+    #[inline(always)]
+    pub(crate) fn note(&mut self, row: RowPixels) {
+        let [peak, ..] = &mut self.peak;
+        *peak = (*peak).max(row.peak);
+        let [saturated, ..] = &mut self.saturated;
+        *saturated = saturated.wrapping_add(row.saturated);
+    }
+
+    /// The whole window.
+    #[inline]
+    pub(crate) fn all(&self) -> RowPixels {
+        RowPixels {
+            peak: self.peak.into_iter().fold(0, u16::max),
+            saturated: self.saturated.into_iter().fold(0, u16::wrapping_add),
+        }
+    }
+}
+
+/// What is taken off a calibrated pixel, for one window and frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cut {
+    pub(crate) convention: Convention,
+    /// Binary exponent of the stored thresholds.
+    pub(crate) shift: u32,
+    /// See the module.
+    pub(crate) excess: u16,
+    /// Raw value from which a pixel counts as saturated, ADU.
+    pub(crate) saturation: u16,
+}
+
+/// One window row of signal, in whichever convention.
+#[inline(always)]
+pub(crate) fn signal(raw: &[u16], row: BankRow<'_>, cut: Cut, seen: &mut Seen, signal: &mut [u16]) {
+    #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
+    if raw.len().is_multiple_of(LANES) {
+        return crate::dsp::sse2::signal(raw, row, cut, seen, signal);
+    }
+    let Cut { convention, shift, excess, saturation } = cut;
+    seen.note(match convention {
+        Convention::Subtract => calibrate(raw, row, excess, saturation, signal),
+        Convention::ZeroBelow => calibrate_zero_below(raw, row, shift, excess, saturation, signal),
+    });
 }
 
 /// Takes `excess` and the floor off one window row and applies the flat field.

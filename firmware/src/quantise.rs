@@ -270,7 +270,8 @@ impl<'a> Quantiser<'a> {
         let control = &self.spec.control;
         let f = ConfigError::check(Field::LeverArm, None, control.lever_arm, (0.5, 1.9))?;
         let g = control.gain.get(i).unwrap_or(f64::NAN);
-        let q = round(g * power(GAIN_BITS));
+        // Below 2 after rounding, too: at 2 the command would never settle.
+        let q = round(g * power(GAIN_BITS)).min(2.0 * power(GAIN_BITS) - 1.0);
         if !(g > 0.0 && g < 2.0 && q > 0.0) {
             let limit = Limit::Between(0.0, 2.0);
             return Err(ConfigError::at(Field::ControlGain, i, g, limit));

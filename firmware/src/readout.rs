@@ -9,7 +9,7 @@ use crate::centroid::{
     self, EstimatorConfig, MAX_WINDOW, Measurement, Moments, Template, WEIGHT_BITS,
 };
 use crate::config::{Config, Slot};
-use crate::pixels::{self, BankRow, Convention, RowPixels};
+use crate::pixels::{self, BankRow, Convention, Cut};
 
 /// What a subaperture's next frame needs of its last complete one.
 #[derive(Clone, Copy, Debug, Default)]
@@ -18,6 +18,19 @@ struct History {
     excess: u16,
     /// Centre of the weight, eighths of a pixel, within +-128.
     centre: [i16; 2],
+}
+
+/// A row of one window, and what it adds to.
+struct Line<'a> {
+    /// Number of the window in readout order.
+    window: usize,
+    /// Row of the window.
+    y: usize,
+    subaperture: usize,
+    raw: &'a [u16],
+    bank: BankRow<'a>,
+    history: &'a History,
+    moments: &'a mut Moments,
 }
 
 /// The state of the readout. `M` and `B` as in [`Config`].
@@ -106,67 +119,83 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         let moments = self.moments.get_mut(first..next).unwrap_or_default();
         let [done, new] = &mut self.measurements;
         let measurements = if self.complete == 0 { new } else { done };
-        for (k, (slot, moments)) in slots.iter().zip(moments).enumerate() {
-            let (x0, y) = (usize::from(slot.x0), usize::from(self.row - slot.y0));
-            let place = (first + k) * window * window + y * window;
+        let bank = &config.bank;
+        let (row, history) = (self.row, &self.history);
+        let whole = slots.iter().zip(moments).zip(bank.windows(first, next, window * window));
+        // What is not there in a validated configuration and a row of the right length is skipped.
+        let lines = whole.enumerate().filter_map(|(k, ((slot, moments), pixel))| {
+            let y = usize::from(row.wrapping_sub(slot.y0));
+            let x0 = usize::from(slot.x0);
             let subaperture = usize::from(slot.subaperture);
-            // All three exist in a validated configuration and a row of the right length.
-            let (Some(raw), Some(bank), Some(history)) = (
-                pixels.get(x0..x0 + window),
-                config.bank.row(place, window),
-                self.history.get(subaperture),
-            ) else {
-                continue;
-            };
             if y == 0 {
                 *moments = Moments::ZERO;
             }
-            let last = y + 1 == window;
-            let mut row = [0u16; MAX_WINDOW];
-            let Some(signal) = row.get_mut(..window) else { continue };
-            let measurement = match config.estimator {
-                EstimatorConfig::CentreOfGravity { .. } => {
-                    let seen = calibrate(config, raw, bank, history.excess, signal);
-                    let (sum, x) = centroid::row_moments(signal);
+            Some(Line {
+                window: first + k,
+                y,
+                subaperture,
+                raw: pixels.get(x0..x0 + window)?,
+                bank: pixel.part(y * window, window)?,
+                history: history.get(subaperture)?,
+                moments,
+            })
+        });
+        let cut = |excess| Cut {
+            convention: bank.convention,
+            shift: bank.threshold_shift,
+            excess,
+            saturation: bank.saturation,
+        };
+        let mut finish = |subaperture, measurement| {
+            if let Some(place) = measurements.get_mut::<usize>(subaperture) {
+                *place = measurement;
+            }
+        };
+        match config.estimator {
+            EstimatorConfig::CentreOfGravity { .. } => {
+                for Line { y, subaperture, raw, bank, history, moments, .. } in lines {
+                    let cut = cut(history.excess);
+                    let (sum, x) =
+                        centroid::calibrated_row_moments(raw, bank, cut, &mut moments.seen);
                     moments.add_row(window, y, sum, x);
-                    note(moments, seen);
-                    last.then(|| moments.measurement(0))
+                    if y + 1 == window {
+                        finish(subaperture, moments.measurement(0));
+                    }
                 }
-                EstimatorConfig::Weighted { gain, .. } => {
-                    let seen = calibrate(config, raw, bank, history.excess, signal);
+            }
+            EstimatorConfig::Weighted { gain, .. } => {
+                for Line { y, subaperture, raw, bank, history, moments, .. } in lines {
+                    let mut buffer = [0u16; MAX_WINDOW];
+                    let Some(signal) = buffer.get_mut(..window) else { continue };
+                    pixels::signal(raw, bank, cut(history.excess), &mut moments.seen, signal);
                     let [cx, cy] = history.centre.map(i32::from);
                     let weights = config.template.row(window, cx);
                     let weight = config.template.weight(window, cy, y);
                     let (sum, x) = centroid::weighted_row_moments(signal, weights, weight);
                     moments.add_row(window, y, sum, x);
-                    note(moments, seen);
-                    last.then(|| {
+                    if y + 1 == window {
                         let mut measurement = moments.measurement(WEIGHT_BITS);
                         let axes = measurement.centroid_q16.iter_mut().zip([cx, cy]);
                         axes.for_each(|(c, centre)| *c = centroid::unweighted(centre, *c, gain));
-                        measurement
-                    })
+                        finish(subaperture, measurement);
+                    }
                 }
-                EstimatorConfig::Brightest { n, bits } => {
-                    let area = window * window;
-                    let start = ((first + k) % config.concurrent.max(1)) * area;
+            }
+            EstimatorConfig::Brightest { n, bits } => {
+                let area = window * window;
+                for Line { window: k, y, subaperture, raw, bank, moments, .. } in lines {
+                    let start = (k % config.concurrent.max(1)) * area;
                     let Some(stored) = self.buffer.get_mut(start..start + area) else { continue };
                     let Some(signal) = stored.get_mut(y * window..(y + 1) * window) else {
                         continue;
                     };
-                    let seen = calibrate(config, raw, bank, 0, signal);
-                    note(moments, seen);
-                    last.then(|| {
+                    pixels::signal(raw, bank, cut(0), &mut moments.seen, signal);
+                    if y + 1 == window {
                         let sums = centroid::brightest_moments(stored, window, n, bits);
-                        let Moments { peak, saturated, .. } = *moments;
-                        Moments { peak, saturated, ..sums }.measurement(0)
-                    })
+                        let sums = Moments { seen: moments.seen, ..sums };
+                        finish(subaperture, sums.measurement(0));
+                    }
                 }
-            };
-            if let (Some(measurement), Some(place)) =
-                (measurement, measurements.get_mut(subaperture))
-            {
-                *place = measurement;
             }
         }
     }
@@ -212,28 +241,4 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     pub(crate) fn measurements(&self) -> &[Measurement] {
         self.measurements.get(self.complete).map_or(&[], |frame| frame)
     }
-}
-
-#[inline(always)]
-fn calibrate<const M: usize, const P: usize, const B: usize>(
-    config: &Config<M, P, B>,
-    raw: &[u16],
-    row: BankRow<'_>,
-    excess: u16,
-    signal: &mut [u16],
-) -> RowPixels {
-    let bank = &config.bank;
-    match bank.convention {
-        Convention::Subtract => pixels::calibrate(raw, row, excess, bank.saturation, signal),
-        Convention::ZeroBelow => {
-            let shift = bank.threshold_shift;
-            pixels::calibrate_zero_below(raw, row, shift, excess, bank.saturation, signal)
-        }
-    }
-}
-
-#[inline(always)]
-fn note(moments: &mut Moments, seen: RowPixels) {
-    moments.peak = moments.peak.max(seen.peak);
-    moments.saturated = moments.saturated.wrapping_add(seen.saturated);
 }

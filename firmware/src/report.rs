@@ -93,7 +93,7 @@ pub struct Report {
     pub extra_rows: u16,
     /// Whether `begin` dropped an unfinished frame.
     pub restarted: bool,
-    /// Age of the global tilt in use, frames; `None` before the first.
+    /// Age of the global tilt in use, frames; `None` before the first, and in a held frame.
     pub global_tilt_age: Option<u32>,
     /// Whether that age is beyond the configured limit.
     pub global_tilt_stale: bool,

@@ -153,8 +153,8 @@ pub struct SorSpec {
 pub struct SegmentSpec<'a> {
     /// Full range of the height scale, path difference in m: 65536 LSB.
     pub stroke_m: f64,
-    /// Height of each actuator per piston, tip and tilt of its segment, within +-4; the piston
-    /// column from 1/4 to 4.
+    /// Height of each actuator per piston, tip and tilt of its segment, from -4 to 3.999; the
+    /// piston column from 1/4.
     pub matrix: Map<'a, [[f64; 3]; ACTUATORS]>,
     /// Heights of the flat segment, m above the actuators' zero.
     pub flat_m: Map<'a, [f64; ACTUATORS]>,

@@ -22,7 +22,9 @@ pub(crate) fn geometry<const M: usize, const P: usize>(spec: &Spec<'_>) -> Resul
     check(Field::DetectorHeight, spec.detector.height, (1.0, 4096.0))?;
     check(Field::DetectorBits, spec.detector.bits.into(), (8.0, 16.0))?;
     let size = usize::from(spec.windows.size);
-    check(Field::WindowSize, size as u16, (MIN_WINDOW as f64, MAX_WINDOW as f64))?;
+    let side = usize::from(spec.detector.width.min(spec.detector.height));
+    let largest = MAX_WINDOW.min(side.max(MIN_WINDOW));
+    check(Field::WindowSize, size as u16, (MIN_WINDOW as f64, largest as f64))?;
     ConfigError::check(Field::WindowPixels, None, (count * size * size) as f64, (1.0, P as f64))?;
     if let Some(level) = spec.pixels.saturation_adu {
         let top = f64::from((1u32 << spec.detector.bits) - 1);

@@ -17,7 +17,7 @@ fn a_slew_limit_acts_only_when_it_is_reached() {
         for part in 1..40 {
             // One subaperture tilts, by a twentieth of the limit more at a time, times g = 1/2
             // and 0.6 of a lever.
-            let tilt = (part as f64 * slew_lsb * 512.0 / 20.0 / 0.3) as i32;
+            let tilt = (f64::from(part) * slew_lsb * 512.0 / 20.0 / 0.3) as i32;
             let mut atmosphere = vec![[0; 2]; 52];
             atmosphere[20] = [0, tilt];
             let measured = seen(&atmosphere, &vec![[0; 2]; 52]);
