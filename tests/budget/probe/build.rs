@@ -7,6 +7,7 @@ fn main() {
     for entry in ["begin", "push_row", "finish"] {
         println!("cargo:rustc-link-arg-bins=--undefined=probe_{entry}");
     }
+    println!("cargo:rustc-link-arg-bin=frame_path=--undefined=PROBE_SIZES");
     for entry in ["large", "recurse"] {
         println!("cargo:rustc-link-arg-bin=guilty=--undefined=probe_{entry}");
     }

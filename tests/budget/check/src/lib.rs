@@ -193,6 +193,20 @@ impl Image {
     }
 }
 
+/// The 32-bit words of the constant called `name`.
+#[must_use]
+pub fn constant(data: &[u8], name: &str) -> Vec<u32> {
+    let elf = ElfFile32::<object::Endianness>::parse(data).expect("a 32-bit ELF file");
+    let symbol = elf.symbols().find(|symbol| symbol.name() == Ok(name));
+    let symbol = symbol.unwrap_or_else(|| panic!("no {name}"));
+    let section = symbol.section_index().and_then(|index| elf.section_by_index(index).ok());
+    let bytes = section.and_then(|section| {
+        section.data_range(symbol.address(), symbol.size()).expect("section data")
+    });
+    let (words, _) = bytes.expect("a constant in a section").as_chunks();
+    words.iter().map(|word| u32::from_le_bytes(*word)).collect()
+}
+
 /// Whether an instruction is 32 bits long, is floating point, and is a branch to a register.
 ///
 /// Floating point on Armv7E-M: coprocessors 10 and 11, in the coprocessor space of the encoding.

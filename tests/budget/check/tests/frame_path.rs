@@ -10,12 +10,37 @@ const ENTRIES: [&str; 3] = ["probe_begin", "probe_push_row", "probe_finish"];
 /// rest of the 64 KiB of hot state and stack belongs to the state.
 const STACK_LIMIT: u64 = 2048;
 
-fn image(target: &str, probe: &str) -> Image {
+const KIB: u64 = 1024;
+/// Bytes of a calibration bank: two of them leave room for a ring of rows in 256 KiB.
+const BANK_LIMIT: u64 = 112 * KIB;
+/// Bytes of hot state.
+const STATE_LIMIT: u64 = 64 * KIB - STACK_LIMIT;
+
+fn file(target: &str, probe: &str) -> Vec<u8> {
     let path =
         format!("{}/../../../target/budget/{target}/release/{probe}", env!("CARGO_MANIFEST_DIR"));
-    Image::read(
-        &std::fs::read(&path).unwrap_or_else(|error| panic!("{path}: {error}; use tests/run")),
-    )
+    std::fs::read(&path).unwrap_or_else(|error| panic!("{path}: {error}; use tests/run"))
+}
+
+fn image(target: &str, probe: &str) -> Image {
+    Image::read(&file(target, probe))
+}
+
+#[test]
+fn banks_and_hot_state_fit() {
+    for target in TARGETS {
+        let sizes = check::constant(&file(target, "frame_path"), "PROBE_SIZES");
+        let limits = [BANK_LIMIT, BANK_LIMIT, STATE_LIMIT, STATE_LIMIT];
+        let names = ["bank", "bank, brightest-n", "state", "state, brightest-n"];
+        let (instruments, rest) = sizes.as_chunks::<4>();
+        assert!(instruments.len() == 2 && rest.is_empty(), "two instruments of four sizes");
+        for (instrument, sizes) in ["N = 8, W = 16", "N = 16, W = 8"].iter().zip(instruments) {
+            for ((name, &bytes), limit) in names.iter().zip(sizes).zip(limits) {
+                println!("{target}, {instrument}: {name:20} {bytes:7} of {limit} bytes");
+                assert!(u64::from(bytes) <= limit, "{target}, {instrument}: {name}: {bytes}");
+            }
+        }
+    }
 }
 
 /// What is wrong below one entry, one line each: the rule, and the chain of calls that breaks it.

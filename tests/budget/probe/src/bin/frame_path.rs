@@ -13,6 +13,20 @@ const P: usize = M * 16 * 16;
 /// Pixels that brightest-n buffers: the eight windows that share a row.
 const B: usize = 8 * 16 * 16;
 
+/// Bytes on this target of bank and state, without and with the buffer of brightest-n: for
+/// 8 x 8 subapertures with windows of 16 x 16 pixels, and for 16 x 16 with 8 x 8.
+#[unsafe(no_mangle)]
+static PROBE_SIZES: [u32; 8] = [
+    size_of::<Config<64, P, 0>>() as u32,
+    size_of::<Config<64, P, 2048>>() as u32,
+    size_of::<Pipeline<64, 0>>() as u32,
+    size_of::<Pipeline<64, 2048>>() as u32,
+    size_of::<Config<256, P, 0>>() as u32,
+    size_of::<Config<256, P, 1024>>() as u32,
+    size_of::<Pipeline<256, 0>>() as u32,
+    size_of::<Pipeline<256, 1024>>() as u32,
+];
+
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo) -> ! {
     loop {}
