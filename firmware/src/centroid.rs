@@ -10,7 +10,7 @@
 //! ```
 //!
 //! The sums stream: a window's row is added as it arrives and nothing is kept of it, except for
-//! brightest-n, which buffers its window. A row's sums are 32 bits wide and exact, a window's 64.
+//! brightest-n, which buffers its window. Sums are exact: 32 bits over a row, 64 over a window.
 //! A weighted sum is shifted down to 26 bits together with its moments before it is divided by: the
 //! weights are two products of 8 bits, and rounding each would cost what faint spots are made of.
 //! The reciprocal of I is one fixed sequence of divisions
@@ -50,7 +50,8 @@ pub(crate) enum EstimatorConfig {
 pub struct Measurement {
     /// Centroid x, y from the window's centre, pixels in Q16.
     pub centroid_q16: [i32; 2],
-    /// Sum of the thresholded signal, calibrated units.
+    /// Sum of the thresholded signal, calibrated units; with the weighted estimator, of the
+    /// weighted signal.
     pub flux: u32,
     /// Brightest calibrated pixel, before the moving threshold.
     pub peak: u16,

@@ -284,6 +284,12 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.omega
     }
 
+    /// Connected components of the mask: each has its own mean piston, which is removed.
+    #[must_use]
+    pub fn components(&self) -> usize {
+        self.sor.inverse_sizes.len()
+    }
+
     /// What the piston solver needs of the mask.
     #[must_use]
     pub const fn solver(&self) -> &SorConfig<M> {

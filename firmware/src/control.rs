@@ -14,9 +14,9 @@
 //! subaperture takes the mean x of its valid neighbours or, without one, holds: it never
 //! integrates on its own.
 //!
-//! **Scaling and overflow.** Slopes, state and commands are i32 ulp within +-2^23, so |x| <= 2^25
-//! after the mean is off; coefficients are Q13 i16 within +-4; products i64, rounded once,
-//! saturated to +-2^23. The mean is the sum (below 1600 x 2^24 < 2^35) times the floor of 2^24 /
+//! **Scaling and overflow.** Slopes, state and commands are i32 ulp within +-2^23, what the mirror
+//! showed less a global tilt within +-2^24, so |x| < 2^25, and < 2^26 after the mean is off; coefficients are Q13 i16 within +-4; products i64, rounded once,
+//! saturated to +-2^23. The mean is the sum (below 1600 x 2^25 < 2^36) times the floor of 2^24 /
 //! count: low by less than 1e-4 of itself, far below what the next frame removes again.
 
 use crate::fixed::{self, TILT_LIMIT};
@@ -27,7 +27,7 @@ use crate::sor::Node;
 
 /// Fraction bits of the control coefficients.
 pub(crate) const GAIN_BITS: u32 = 13;
-/// Most frames between the exposure of a frame and the start of its command's effect, beyond one.
+/// Largest L: frames between the end of an exposure and the start of its command.
 pub const MAX_DELAY: usize = 3;
 
 /// The coefficients of one subaperture, Q13.

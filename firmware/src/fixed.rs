@@ -1,8 +1,8 @@
 //! Fixed-point primitives of the frame path: rounding, saturation, reciprocals, ratios and roots.
 //!
 //! Every function here is branch-free in its data and exact or bounded as its documentation
-//! says, so that a PC, a Cortex-M7 and a RISC-V soft core give the same bits in a time that does
-//! not depend on the data. Rounding is to nearest, ties towards plus infinity, everywhere.
+//! says, so that a PC, a Cortex-M7 and a RISC-V soft core give the same bits, by one sequence of
+//! instructions whatever the data. Rounding is to nearest, ties towards plus infinity, everywhere.
 
 /// Fraction bits of a centroid in pixels (Q16).
 pub const CENTROID_BITS: u32 = 16;

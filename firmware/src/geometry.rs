@@ -65,7 +65,7 @@ impl Mask {
     /// As [`Mask::from_fn`], and [`Field::Obstruction`] unless `0 <= obstruction <= 0.99`.
     pub fn annulus(across: usize, obstruction: f64) -> Result<Self, ConfigError> {
         ConfigError::check(Field::Obstruction, None, obstruction, (0.0, 0.99))?;
-        let outer = (across * across) as f64;
+        let outer = across as f64 * across as f64;
         let inner = outer * obstruction * obstruction;
         Self::from_fn(across, |x, y| {
             let r2 = radius_squared(across, x, y) as f64;

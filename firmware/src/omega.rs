@@ -32,8 +32,8 @@ pub(crate) fn optimal<const M: usize>(config: &SorConfig<M>, nodes: &[Node]) -> 
 /// wavefront error when turbulence moves by an eighth of a subaperture a frame.
 const SHRINKAGE: f64 = 2.6;
 
-/// Sweeps that a warm frame needs with this relaxation factor: at least ceil(N/2), more where the
-/// mask relaxes more slowly than a circle (up to a quarter more on an annulus).
+/// Sweeps that a warm frame needs with the optimal relaxation factor: at least ceil(N/2), more where
+/// the mask relaxes more slowly than a circle (a fifth more with an obstruction of 0.3).
 pub(crate) fn sweeps(omega: f64, across: usize) -> u16 {
     // omega = 1 converges at once: ln 0 asks for no sweep.
     let needed = libm::ceil(SHRINKAGE / -libm::log(omega - 1.0));

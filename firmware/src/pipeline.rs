@@ -7,8 +7,8 @@
 //! ```
 //!
 //! Rows are consumed as they arrive; `finish` does what is left once the last pixel is in. Only
-//! `finish` of a complete frame changes the loop's state. Whatever else happens, state and codes
-//! stay those of the last good frame and the [`Report`] says why:
+//! `finish` of a complete frame changes commands, pistons and codes. Whatever else happens, they stay
+//! those of the last good frame and the [`Report`] says why:
 //!
 //! | what happens | what it does |
 //! |---|---|
@@ -136,8 +136,12 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     /// Starts frame `frame`. An unfinished one is dropped and counted.
     ///
     /// The configuration may have been exchanged since the last frame for one with the same mask;
-    /// for another mask, call [`Pipeline::reset`] first. (Another number of subapertures is seen
-    /// and starts from the flat mirror.)
+    /// for another mask, and for another flat map, limits or matrices of the segments, call
+    /// [`Pipeline::reset`] first. (Another number of subapertures is seen and starts from the flat
+    /// mirror.)
+    ///
+    /// Every exposure must be begun, since the mirror's past is counted in frames: one whose rows
+    /// never came is begun and finished without them.
     pub fn begin<const P: usize>(&mut self, config: &Config<M, P, B>, frame: u32) {
         if !self.flat || self.subapertures != config.subapertures() {
             self.flatten(config);
@@ -154,7 +158,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         self.readout.begin();
     }
 
-    /// Takes the next detector row, raw ADU.
+    /// Takes the next detector row, raw ADU below 2^bits.
     ///
     /// # Errors
     /// A [`RowError`]; the row is then not used. A row of the wrong length makes the whole frame
@@ -250,7 +254,10 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     }
 
     fn hold(&mut self, hold: Hold) {
-        self.control.hold();
+        // Without a frame no exposure has passed.
+        if !matches!(hold, Hold::NotBegun | Hold::NotConfigured) {
+            self.control.hold();
+        }
         let total = match hold {
             Hold::NotBegun | Hold::NotConfigured => &mut self.totals.not_ready,
             Hold::CutShort { .. } => &mut self.totals.cut_short,

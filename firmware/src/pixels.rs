@@ -12,7 +12,7 @@
 //! * `floor` is the dark level; with the subtracting convention the pixel's own threshold is
 //!   folded into it (threshold divided by the gain, since it acts after the gain). A bad pixel
 //!   has floor 65535: it never shows a signal and never counts as saturated.
-//! * Gains are divided by the largest of the detector, so that they lie in (0, 1] and no product
+//! * Gains are divided by the largest of the windows, so that they lie in (0, 1] and no product
 //!   can overflow or saturate; that largest gain is part of the unit of `s` (see
 //!   [`crate::config::Config::adu_per_unit`]).
 //! * `excess` is the amount by which a subaperture's moving threshold (a fraction of its previous

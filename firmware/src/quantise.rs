@@ -226,7 +226,7 @@ impl<'a> Quantiser<'a> {
             }
             Estimator::WeightedCentreOfGravity { peak_fraction, fwhm_px, gain } => {
                 ConfigError::check(Field::WeightFwhm, None, fwhm_px, (0.5, 64.0))?;
-                // Q12 in an i32 that multiplies a Q16 centroid: 7 is far above any real width.
+                // 7 is far above what any width of the weight asks for.
                 ConfigError::check(Field::WeightGain, None, gain, (1.0 / 4096.0, 7.0))?;
                 let peak_fraction = fraction(peak_fraction)?;
                 let gain = round(gain * power(12)) as i32;
@@ -257,9 +257,15 @@ impl<'a> Quantiser<'a> {
         let flux_max = flux(Field::FluxMax, &slopes.flux_max_adu, flux_min)?;
         let gain = slopes.gain_m_per_px.get(i).unwrap_or([[0.0; 2]; 2]);
         let mantissa = |g: f64| round(g * self.ulp_per_m() / power(self.gain_exponent)) as i16;
+        let gain = gain.map(|row| row.map(mantissa));
+        let [[a, b], [c, d]] = gain.map(|row| row.map(i32::from));
+        if i64::from(a) * i64::from(d) == i64::from(b) * i64::from(c) {
+            let rule = Limit::Rule("ulp per pixel: must be invertible after rounding; too small");
+            return Err(ConfigError::at(Field::SlopeGain, i, f64::from(a.max(d)), rule));
+        }
         Ok(SlopeCalibration {
             reference_q16: reference.map(|r| round(r * power(CENTROID_BITS)) as i32),
-            gain: gain.map(|row| row.map(mantissa)),
+            gain,
             flux_min: (round(flux_min / self.adu_per_unit) as u32).max(1),
             flux_max: round(flux_max / self.adu_per_unit) as u32,
         })
@@ -331,10 +337,10 @@ impl<'a> Quantiser<'a> {
             // No motion within the stroke is longer than this.
             None => Ok(i32::MAX),
             Some(slew) => {
-                // A quarter of an LSB is the step of the slew's division.
+                // At 1 LSB a move over the whole stroke still has a step of 2^-16 of itself.
                 let limit = (self.lsb_m, stroke);
                 let slew = ConfigError::check(Field::Slew, None, slew, limit)?;
-                Ok((slew * self.ulp_per_m()) as i32)
+                Ok(round(slew * self.ulp_per_m()) as i32)
             }
         }
     }
@@ -363,9 +369,9 @@ impl<'a> Quantiser<'a> {
             let stroke = self.spec.segments.stroke_m;
             let span = (full - zero).abs();
             let rule = Limit::Rule(
-                "m between code 0 and the highest: must be at least a quarter of segments.stroke_m",
+                "m from code 0 to the highest: must be 1/4 to 64 times segments.stroke_m",
             );
-            if !(span >= stroke / 4.0 && span.is_finite() && zero.is_finite()) {
+            if !(span >= stroke / 4.0 && span <= 64.0 * stroke) {
                 return Err(ConfigError::at(Field::Response, i, span, rule));
             }
             let v = |height_lsb: f64| full_v * (height_lsb * self.lsb_m - zero) / (full - zero);

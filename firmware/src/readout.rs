@@ -215,7 +215,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     /// Makes the frame just read the last complete one: its measurements become readable, its
     /// peaks and centroids set the next frame's thresholds and weights.
     ///
-    /// A window without flux keeps its weight where it was and falls back to the fixed threshold.
+    /// A window without flux keeps its weight where it was; its threshold follows its peak.
     pub(crate) fn commit<const P: usize>(&mut self, config: &Config<M, P, B>) {
         self.complete = 1 - self.complete;
         let fraction = match config.estimator {

@@ -8,8 +8,9 @@
 //! limits: a sheared box in (p, tip, tilt), not a box per axis. Priority: tip and tilt are kept
 //! and the piston gives way; if no piston makes the tip/tilt reachable, tip and tilt shrink by one
 //! common factor to where exactly one does. Then the slew limit: the segment goes along the
-//! straight line from where it is as far as its slowest actuator allows in one frame. The region
-//! is convex, so every point of that line is reachable too.
+//! straight line from where it is as far as its slowest actuator allows in one frame (in steps of a
+//! quarter of an LSB, rounded down: all of it when the move fits, half of it at worst at a limit of 1
+//! LSB, 15/16 at 16 LSB). The region is convex, so every point of that line is reachable too.
 //!
 //! ```text
 //! piston interval   max_a (lo_a - q_a) / m_a0 <= p <= min_a (hi_a - q_a) / m_a0,  q_a = tilt part

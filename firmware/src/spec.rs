@@ -97,7 +97,7 @@ pub enum Estimator {
         peak_fraction: f64,
         /// Full width at half maximum of the weight, pixels, 0.5 to 64.
         fwhm_px: f64,
-        /// Displacement per measured displacement from the weight's centre, above 0 to 7.
+        /// Displacement per measured displacement from the weight's centre, 1/4096 to 7.
         gain: f64,
     },
     /// Centre of gravity of the `count` brightest pixels above the next one.
@@ -140,7 +140,8 @@ pub struct ControlSpec<'a> {
 /// The piston solver. See [`crate::sor`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SorSpec {
-    /// Relaxation factor, 1 to 1.99; from the mask if `None`.
+    /// Relaxation factor, 1 to 1.99; from the mask if `None`. Below the mask's it converges more
+    /// slowly than `sweeps: None` provides for.
     pub omega: Option<f64>,
     /// Sweeps of a frame, 1 to 1000; from omega if `None`, ceil(N/2) on a circle.
     pub sweeps: Option<u16>,

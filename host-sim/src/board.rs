@@ -50,6 +50,9 @@ pub trait Board {
     /// Positions of the segments.
     fn positions(&self) -> &[Position];
 
+    /// Parts of the pupil that no edge connects: the relative pistons of two are not measured.
+    fn components(&self) -> usize;
+
     /// Optical path per length ulp, m.
     fn ulp_m(&self) -> f64;
 
@@ -130,6 +133,10 @@ impl<const M: usize, const P: usize, const B: usize> Board for InProcess<M, P, B
 
     fn positions(&self) -> &[Position] {
         self.pipeline.positions()
+    }
+
+    fn components(&self) -> usize {
+        self.config.components()
     }
 
     fn ulp_m(&self) -> f64 {

@@ -77,9 +77,9 @@ pub struct RunArgs {
 pub struct LoopArgs {
     #[command(flatten)]
     pub(crate) run: RunArgs,
-    /// Frames left out of the averages
-    #[arg(long, value_name = "FRAMES", default_value_t = 50, allow_negative_numbers = true)]
-    pub(crate) settle: u32,
+    /// Frames left out of the averages [default: 50, or half of --frames if that is less]
+    #[arg(long, value_name = "FRAMES", allow_negative_numbers = true)]
+    pub(crate) settle: Option<u32>,
     /// The sensor
     #[arg(long, value_enum, default_value_t = SensorName::Splash)]
     pub(crate) sensor: SensorName,

@@ -5,9 +5,9 @@ use sha2::{Digest, Sha256};
 use splash_firmware::pipeline::{Report, Totals};
 use std::collections::BTreeMap;
 
-/// Blocks into which a series is cut for its standard error: frames are correlated, blocks much
-/// longer than a pupil's crossing time hardly are.
-const BLOCKS: usize = 10;
+/// Correlation times over which a series' own autocorrelation is summed (Sokal): beyond, it is
+/// noise.
+const WINDOW: f64 = 5.0;
 
 /// SHA-256 of DAC codes: u16 little-endian, frame after frame, segments in mask order, actuators
 /// 0, 1, 2.
@@ -46,7 +46,8 @@ pub struct Series {
 pub struct Mean {
     /// The mean.
     pub mean: f64,
-    /// Its standard error from block averages; 0 with too few frames to tell.
+    /// Its standard error, from scatter and autocorrelation of the frames. A lower bound unless
+    /// the run is many times the turbulence's crossing of the pupil: one run is one realisation.
     pub standard_error: f64,
 }
 
@@ -61,40 +62,49 @@ impl Series {
 
     /// Mean Strehl ratio from frame `settle` on.
     pub fn mean_strehl(&self, settle: usize) -> Mean {
-        block_mean(self.strehl.get(settle..).unwrap_or_default())
+        correlated_mean(self.strehl.get(settle..).unwrap_or_default())
     }
 
     /// Mean residual variance from frame `settle` on, rad^2.
     pub fn mean_variance(&self, settle: usize) -> Mean {
-        block_mean(self.variance_rad2.get(settle..).unwrap_or_default())
+        correlated_mean(self.variance_rad2.get(settle..).unwrap_or_default())
     }
 
-    /// The mean of the Strehl ratio up to each frame since `settle`; before that, of all.
+    /// The mean of the Strehl ratio from `settle` up to each frame; NaN before.
     pub fn running_strehl(&self, settle: usize) -> Vec<f64> {
-        let (mut sum, mut count) = (0.0, 0.0);
-        let mut running = Vec::with_capacity(self.strehl.len());
-        for (frame, strehl) in self.strehl.iter().enumerate() {
-            if frame == settle {
-                (sum, count) = (0.0, 0.0);
+        let mut sum = 0.0;
+        let mean = |(frame, strehl): (usize, &f64)| {
+            if frame < settle {
+                return f64::NAN;
             }
             sum += strehl;
-            count += 1.0;
-            running.push(sum / count);
-        }
-        running
+            sum / (frame - settle + 1) as f64
+        };
+        self.strehl.iter().enumerate().map(mean).collect()
     }
 }
 
-fn block_mean(values: &[f64]) -> Mean {
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
-    let total = mean(values);
-    if values.len() < 2 * BLOCKS {
-        return Mean { mean: total, standard_error: 0.0 };
+/// Mean and standard error of a correlated series: variance tau / n, with the integrated
+/// autocorrelation time tau = 1 + 2 sum rho_k summed to `WINDOW` times itself (Sokal 1997).
+fn correlated_mean(values: &[f64]) -> Mean {
+    let count = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let covariance = |lag: usize| {
+        let pairs = values.iter().zip(values.iter().skip(lag));
+        pairs.map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>() / count
+    };
+    let variance = covariance(0);
+    if variance <= 0.0 {
+        return Mean { mean, standard_error: 0.0 };
     }
-    let blocks: Vec<f64> = values.chunks_exact(values.len() / BLOCKS).map(mean).collect();
-    let count = blocks.len() as f64;
-    let scatter = blocks.iter().map(|block| (block - total).powi(2)).sum::<f64>();
-    Mean { mean: total, standard_error: (scatter / (count * (count - 1.0))).sqrt() }
+    let mut tau = 1.0;
+    for lag in 1..values.len() {
+        if lag as f64 >= WINDOW * tau {
+            break;
+        }
+        tau += 2.0 * covariance(lag) / variance;
+    }
+    Mean { mean, standard_error: (variance * tau.max(1.0) / count).sqrt() }
 }
 
 /// The faults of a run by name, without those that did not happen.
@@ -139,11 +149,26 @@ mod tests {
     }
 
     #[test]
-    fn standard_error_is_that_of_blocks() {
-        // Ten blocks of two, block means 0, 1, ... 9: variance of the mean 55/6 / 10.
-        let values: Vec<f64> = (0..20).map(|i| f64::from(i / 2)).collect();
-        let Mean { mean, standard_error } = block_mean(&values);
-        assert!((mean - 4.5).abs() < 1e-12);
-        assert!((standard_error.powi(2) - 55.0 / 60.0).abs() < 1e-12);
+    fn standard_error_knows_the_correlation() {
+        // x_k = a x_{k-1} + e_k has unit-variance e: variance 1 / (1 - a^2), correlation a^k,
+        // hence tau = (1 + a) / (1 - a) and a standard error of 1 / (1 - a) / sqrt(n).
+        let (a, n) = (0.9, 100_000);
+        let mut seed = 1u64;
+        let mut uniform = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        let mut x = 0.0;
+        let series: Vec<f64> = (0..n)
+            .map(|_| {
+                x = a * x + 12f64.sqrt() * uniform();
+                x
+            })
+            .collect();
+        let Mean { mean, standard_error } = correlated_mean(&series);
+        let expected = 1.0 / (1.0 - a) / f64::from(n).sqrt();
+        // The estimate's own scatter is sqrt(2 (2 x 5 tau + 1) / n) / 2 = 5 % (Sokal 1997).
+        assert!((standard_error / expected - 1.0).abs() < 0.15, "{standard_error} {expected}");
+        assert!(mean.abs() < 4.0 * expected, "{mean}");
     }
 }

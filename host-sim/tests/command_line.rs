@@ -282,7 +282,7 @@ fn help_has_defaults_and_units() {
     let place = Place::new();
     for command in [&["--help"][..], &["loop", "--help"]] {
         let help = place.run(command);
-        for word in ["4 to 40", "default: 500", "1 ms", "default: 1]", "default: 50]", "JSON"] {
+        for word in ["4 to 40", "default: 500", "1 ms", "default: 1]", "default: 50,", "JSON"] {
             assert!(help.contains(word), "{command:?}: no {word:?} in {help}");
         }
     }

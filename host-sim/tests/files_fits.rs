@@ -288,3 +288,25 @@ proptest! {
         prop_assert!(data.chunks(columns * rows).zip(frames).all(|(f, l)| f.iter().all(|&p| p == l)));
     }
 }
+
+#[test]
+fn data_that_changed_since_they_were_written_are_told() {
+    let directory = tempfile::tempdir().expect("directory");
+    let path = directory.path().join("frames.fits");
+    let header = Header::new();
+    let mut frames = FitsWriter::create(&path)
+        .expect("create")
+        .cube::<u16>("FRAMES", [3, 2], &header)
+        .expect("cube");
+    frames.push(&[1, 2, 3, 4, 5, 6]).expect("push");
+    frames.finish().expect("cube").finish().expect("file");
+    FitsReader::open(&path).expect("open").verify().expect("as written");
+
+    let mut bytes = std::fs::read(&path).expect("read");
+    // The data are the last block: six numbers, then padding.
+    let data = bytes.len() - 2880;
+    bytes[data + 3] ^= 1;
+    std::fs::write(&path, &bytes).expect("write");
+    let error = FitsReader::open(&path).expect("open").verify().expect_err("changed").to_string();
+    assert!(error.contains("primary array: DATASUM = "), "{error}");
+}

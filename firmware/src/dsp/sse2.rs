@@ -2,7 +2,8 @@
 //!
 //! The same integers as [`crate::pixels`] and [`crate::centroid`], bit for bit; only the order of
 //! additions differs, which wrapping sums do not see. Pixels enter and leave registers as arrays,
-//! so that all that is `unsafe` is the claim that the target has SSE2, which `cfg` proves.
+//! so that all that is `unsafe` is the claim that the target has SSE2, which `cfg` proves, and the
+//! loads and stores of whole arrays.
 //!
 //! Sums of unsigned pixels come from the signed multiply-add of pairs: a pixel with its top bit
 //! flipped is the pixel less 2^15. Weights 2x - (W - 1) add up to zero over a row, so that the

@@ -7,7 +7,7 @@ use crate::closed_loop::{ClosedLoop, Run, Sensing};
 use crate::error::{Error, refuse};
 use crate::figures::{self, WindowMark};
 use crate::files::csv::SeriesWriter;
-use crate::files::fits::{CubeWriter, FitsWriter};
+use crate::files::fits::{CubeWriter, FitsWriter, Header};
 use crate::instrument::Instrument;
 use crate::optics::long_exposure::LongExposure;
 use crate::reconstructor::Reconstructor;
@@ -18,6 +18,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
+/// Frames left out of the averages unless told otherwise: at a gain of 0.5 the loop has settled.
+const SETTLE: u32 = 50;
 /// Arcseconds in a radian.
 const ARCSEC: f64 = 180.0 * 3600.0 / std::f64::consts::PI;
 
@@ -41,9 +43,10 @@ struct LoopResult {
 /// # Errors
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &LoopArgs) -> Result<(), Error> {
-    if args.settle >= args.run.frames {
+    let settle = args.settle.unwrap_or(SETTLE.min(args.run.frames / 2));
+    if settle >= args.run.frames {
         let limit = format!("less than --frames = {}", args.run.frames);
-        return Err(refuse("--settle", args.settle, &limit));
+        return Err(refuse("--settle", settle, &limit));
     }
     let instrument = args.run.instrument()?;
     let reconstructor = Reconstructor::new(&instrument)?;
@@ -78,10 +81,10 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
         simulated += before.elapsed();
         series.push(step.time_s, &step.observation, step.report);
         if run.frames - frame <= args.keep {
-            files.keep_pixels(frame, step.pixels)?;
+            files.keep_pixels(step.pixels)?;
             files.keep_phase(closed.residual())?;
         }
-        if frame >= args.settle {
+        if frame >= settle {
             exposure.add(closed.residual());
         }
         digest.add(closed.board().codes());
@@ -90,7 +93,7 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
     }
     bar.finish_and_clear();
 
-    let settle = args.settle as usize;
+    let settle = settle as usize;
     let strehl = series.mean_strehl(settle);
     let result = LoopResult {
         n: instrument.telescope.subapertures,
@@ -115,9 +118,13 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
             (
                 "subapertures",
                 format!(
-                    "{} across, {} in the pupil",
+                    "{} across, {} in the pupil{}",
                     result.n,
-                    closed.pupil().subapertures().len()
+                    closed.pupil().subapertures().len(),
+                    match closed.board().components() {
+                        1 => String::new(),
+                        parts => format!(", {parts} parts whose relative pistons are not measured"),
+                    }
                 ),
             ),
             ("sensor", format!("{}, {:?}", result.sensor, args.sensing).to_lowercase()),
@@ -127,17 +134,12 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
                     "{} at {} ms, {} to settle",
                     result.frames,
                     1e3 * instrument.frame_s(),
-                    args.settle
+                    settle
                 ),
             ),
             (
                 "Strehl ratio",
-                format!(
-                    "{:.4} +- {:.4}, long exposure {:.4}",
-                    result.strehl,
-                    result.strehl_se,
-                    exposure.strehl()
-                ),
+                format!("{:.4} +- {:.4}, tip and tilt removed", result.strehl, result.strehl_se),
             ),
             ("residual variance", format!("{:.4} rad^2", result.variance_rad2)),
             (
@@ -160,7 +162,8 @@ struct Files {
     commands: CubeWriter<u16>,
     phases: CubeWriter<f32>,
     frames: Option<CubeWriter<u16>>,
-    first: Option<u32>,
+    /// Column and row of each subaperture.
+    cells: Vec<i32>,
 }
 
 impl Files {
@@ -192,12 +195,11 @@ impl Files {
             commands: cube("commands.fits")?.cube("CODES", [3, segments], &header("DAC code"))?,
             phases: cube("phases.fits")?.cube("RESIDUAL", [side, side], &header("rad"))?,
             frames,
-            first: None,
+            cells: reconstructor.mask().cells().flat_map(|(x, y)| [x as i32, y as i32]).collect(),
         })
     }
 
-    fn keep_pixels(&mut self, frame: u32, pixels: &[u16]) -> Result<(), Error> {
-        self.first.get_or_insert(frame);
+    fn keep_pixels(&mut self, pixels: &[u16]) -> Result<(), Error> {
         match &mut self.frames {
             Some(frames) => Ok(frames.push(pixels)?),
             None => Ok(()),
@@ -209,7 +211,10 @@ impl Files {
     }
 
     fn finish(self) -> Result<(), Error> {
-        self.commands.finish()?.finish()?;
+        let mut commands = self.commands.finish()?;
+        let header = Header::new().with("CONTENT", "column, row of each subaperture of CODES", "");
+        commands.image("CELLS", &[2, self.cells.len() / 2], &header, &self.cells)?;
+        commands.finish()?;
         self.phases.finish()?.finish()?;
         if let Some(frames) = self.frames {
             frames.finish()?.finish()?;

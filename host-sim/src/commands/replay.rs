@@ -29,6 +29,7 @@ struct ReplayResult {
 pub fn run(args: &ReplayArgs) -> Result<(), Error> {
     let unusable = |error: FitsError| Error::Config(error.to_string());
     let mut file = FitsReader::open(&args.file).map_err(unusable)?;
+    file.verify().map_err(unusable)?;
     let name = args.file.display().to_string();
     let instrument = match &args.config {
         Some(config) => Instrument::load(config)?,

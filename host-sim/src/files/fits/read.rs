@@ -3,6 +3,7 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
+use super::checksum::Sum;
 use super::scan::Hdu;
 use super::{FitsError, Sample, Value};
 
@@ -103,6 +104,35 @@ impl FitsReader {
             file: self.path.clone(),
             hdu: self.hdus[array].label.clone(),
         })
+    }
+
+    /// Compares the data of every array that has a DATASUM with it.
+    ///
+    /// # Errors
+    /// [`FitsError::Keyword`] naming the first array whose data are not those that were written,
+    /// [`FitsError::Io`].
+    pub fn verify(&mut self) -> Result<(), FitsError> {
+        const CHUNK: usize = 1 << 20;
+        let mut bytes = vec![0; CHUNK];
+        for array in 0..self.hdus.len() {
+            let hdu = &self.hdus[array];
+            let Some(written) = hdu.header.text("DATASUM").map(str::to_owned) else { continue };
+            let samples: usize = if hdu.shape.is_empty() { 0 } else { hdu.shape.iter().product() };
+            let length = samples * (hdu.bitpix.unsigned_abs() / 8) as usize;
+            let start = hdu.data_start;
+            let mut sum = Sum::default();
+            for offset in (0..length).step_by(CHUNK) {
+                let part = &mut bytes[..CHUNK.min(length - offset)];
+                self.read_at(start + offset as u64, part)?;
+                sum.add(part);
+            }
+            // Padding is zeros for numbers, which a sum does not see.
+            if written.trim() != sum.value().to_string() {
+                let expected = format!("{}, the sum of the data", sum.value());
+                return Err(self.keyword(&self.hdus[array], "DATASUM", &expected));
+            }
+        }
+        Ok(())
     }
 
     /// Begins to read the frames of a cube.
