@@ -180,17 +180,14 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
     }
 
     fn fill_bank(&mut self, quantiser: &Quantiser<'_>, spec: &Spec<'_>) {
-        let size = u16::from(spec.windows.size);
         self.bank.clear();
         self.bank.threshold_shift = quantiser.threshold_shift;
         self.bank.convention = spec.pixels.convention;
         let top = ((1u32 << spec.detector.bits) - 1) as u16;
         self.bank.saturation = spec.pixels.saturation_adu.unwrap_or(top);
         for slot in &self.slots {
-            for y in slot.y0..slot.y0 + size {
-                for x in slot.x0..slot.x0 + size {
-                    self.bank.push(quantiser.pixel(x, y));
-                }
+            for (x, y) in quantiser.window([slot.x0, slot.y0]) {
+                self.bank.push(quantiser.pixel(x, y));
             }
         }
     }

@@ -186,7 +186,7 @@ impl<const M: usize> Control<M> {
 
     /// Records what the mirror shows from now on, without the global tilt, ulp.
     pub(crate) fn record(&mut self, applied: impl Iterator<Item = [i32; 2]>) {
-        self.newest = (self.newest + HISTORY - 1) % HISTORY;
+        self.advance();
         if let Some(newest) = self.applied.get_mut(self.newest) {
             newest.iter_mut().zip(applied).for_each(|(place, tilt)| *place = tilt);
         }
@@ -194,8 +194,16 @@ impl<const M: usize> Control<M> {
 
     /// Records that the mirror keeps what it shows.
     pub(crate) fn hold(&mut self) {
-        let shown = self.applied.get(self.newest).copied().unwrap_or([[0; 2]; M]);
-        self.record(shown.into_iter());
+        let shown = self.newest;
+        self.advance();
+        if let Ok([shown, newest]) = self.applied.get_disjoint_mut([shown, self.newest]) {
+            *newest = *shown;
+        }
+    }
+
+    /// Moves the head of the ring to the place of its oldest frame.
+    fn advance(&mut self) {
+        self.newest = (self.newest + HISTORY - 1) % HISTORY;
     }
 
     /// Tip and tilt commands on the padded grid, ulp; zero where there is no subaperture.

@@ -112,17 +112,18 @@ impl<'a> Quantiser<'a> {
         &self,
         mut visit: impl FnMut(usize) -> Result<(), ConfigError>,
     ) -> Result<(), ConfigError> {
-        let size = u16::from(self.spec.windows.size);
-        for &[x0, y0] in self.spec.windows.origins {
-            for y in y0..y0 + size {
-                for x in x0..x0 + size {
-                    if !self.is_bad(x, y) {
-                        visit(self.index(x, y))?;
-                    }
-                }
+        for &origin in self.spec.windows.origins {
+            for (x, y) in self.window(origin).filter(|&(x, y)| !self.is_bad(x, y)) {
+                visit(self.index(x, y))?;
             }
         }
         Ok(())
+    }
+
+    /// Column and row of every pixel of the window at an origin, row by row.
+    pub(crate) fn window(&self, [x0, y0]: [u16; 2]) -> impl Iterator<Item = (u16, u16)> + use<> {
+        let size = u16::from(self.spec.windows.size);
+        (y0..y0 + size).flat_map(move |y| (x0..x0 + size).map(move |x| (x, y)))
     }
 
     fn index(&self, x: u16, y: u16) -> usize {
@@ -195,17 +196,12 @@ impl<'a> Quantiser<'a> {
     }
 
     /// The mean threshold over the good pixels of the window at `origin`, in signal units.
-    pub(crate) fn base_threshold(&self, [x0, y0]: [u16; 2]) -> u16 {
-        let size = u16::from(self.spec.windows.size);
+    pub(crate) fn base_threshold(&self, origin: [u16; 2]) -> u16 {
         let (mut sum, mut count) = (0.0, 0.0);
-        for y in y0..y0 + size {
-            for x in x0..x0 + size {
-                if !self.is_bad(x, y) {
-                    let (_, gain, threshold) = self.pixel_values(x, y);
-                    sum += threshold * gain / self.adu_per_unit;
-                    count += 1.0;
-                }
-            }
+        for (x, y) in self.window(origin).filter(|&(x, y)| !self.is_bad(x, y)) {
+            let (_, gain, threshold) = self.pixel_values(x, y);
+            sum += threshold * gain / self.adu_per_unit;
+            count += 1.0;
         }
         round(if count > 0.0 { sum / count } else { 0.0 }).min(65535.0) as u16
     }

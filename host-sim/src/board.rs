@@ -32,6 +32,9 @@ pub enum BoardError {
 
 /// A reconstructor that runs somewhere.
 pub trait Board {
+    /// Opens the loop: forgets every frame and flattens the mirror.
+    fn reset(&mut self);
+
     /// Feeds a frame and returns what became of it.
     ///
     /// # Errors
@@ -103,6 +106,10 @@ impl<const M: usize, const P: usize, const B: usize> InProcess<M, P, B> {
 }
 
 impl<const M: usize, const P: usize, const B: usize> Board for InProcess<M, P, B> {
+    fn reset(&mut self) {
+        self.pipeline.reset(&self.config);
+    }
+
     fn frame(&mut self, number: u32, frame: Frame<'_>) -> Result<Report, BoardError> {
         let refused = |source| BoardError::Refused { frame: number, source };
         self.pipeline.begin(&self.config, number);

@@ -10,13 +10,12 @@
 //!    of the correction. Spots are broader there and lose more; one factor for all makes up for it.
 
 use crate::atmosphere::Atmosphere;
-use crate::board::{Frame, in_process};
+use crate::board::{Board, Frame, in_process};
 use crate::closed_loop::{ClosedLoop, Run, Sensing};
-use crate::detector::place;
 use crate::error::Error;
+use crate::imager::Imager;
 use crate::instrument::Instrument;
 use crate::optics::geometric::Sensor;
-use crate::optics::splash_image::SplashCamera;
 use crate::pupil::{Mirror, Pupil};
 use crate::reconstructor::Reconstructor;
 use splash_firmware::fixed::CENTROID_BITS;
@@ -160,25 +159,22 @@ fn path_m_per_px(instrument: &Instrument) -> f64 {
 struct Bench<'a> {
     pupil: Pupil,
     sky: &'a Atmosphere,
-    camera: SplashCamera,
-    reconstructor: &'a Reconstructor,
-    flux_e: f32,
+    imager: Imager,
+    board: Box<dyn Board + Send>,
     poke_rad: f64,
 }
 
 impl<'a> Bench<'a> {
     fn new(
         instrument: &Instrument,
-        reconstructor: &'a Reconstructor,
+        reconstructor: &Reconstructor,
         sky: &'a Atmosphere,
     ) -> Result<Self, Error> {
         let pupil = instrument.pupil()?;
-        let (scale, size) = (instrument.windows.pixels_per_lambda_d, instrument.windows.size);
-        let height_m = instrument.laser.beacon_height_m;
-        let camera = SplashCamera::new(&pupil, sky, height_m, scale, size)?;
-        let flux_e = instrument.laser.electrons_per_spot as f32;
+        let imager = Imager::new(instrument, reconstructor, &pupil, sky)?;
+        let board = in_process(&reconstructor.spec())?;
         let poke_rad = POKE_PX * path_m_per_px(instrument) * instrument.rad_per_m();
-        Ok(Self { pupil, sky, camera, reconstructor, flux_e, poke_rad })
+        Ok(Self { pupil, sky, imager, board, poke_rad })
     }
 
     /// The poke of each subaperture, pixels, without their mean, which SPLASH does not see.
@@ -221,24 +217,14 @@ impl<'a> Bench<'a> {
 
     /// The centroids with the mirror in this shape, pixels.
     fn centroids(&mut self, mirror: &Mirror) -> Result<Vec<[f64; 2]>, Error> {
-        let window = self.camera.window();
-        let mut images = vec![0.0; self.camera.spots() * window * window];
-        self.camera.expose(self.sky, 0.0, mirror, &mut images);
-        let detector = self.reconstructor.detector();
-        let (width, height) = (detector.spec().width, detector.spec().height);
-        let mut expected = vec![0.0; width * height];
-        let origins: Vec<_> =
-            self.reconstructor.origins().iter().map(|o| o.map(usize::from)).collect();
-        place(&images, self.flux_e, &origins, window, width, &mut expected)?;
-        let mut pixels = vec![0; width * height];
-        detector.read_noise_free(&expected, &mut pixels)?;
-        let mut board = in_process(&self.reconstructor.spec())?;
+        let pixels = self.imager.expose(self.sky, 0.0, mirror, None)?;
+        self.board.reset();
         // The moving threshold and the weight follow the frame before.
         for frame in 0..3 {
-            board.frame(frame, Frame::Pixels(&pixels))?;
+            self.board.frame(frame, Frame::Pixels(pixels))?;
         }
         let px = 1.0 / f64::from(1u32 << CENTROID_BITS);
         let centroid = |q16: [i32; 2]| q16.map(|c| f64::from(c) * px);
-        Ok(board.measurements().iter().map(|m| centroid(m.centroid_q16)).collect())
+        Ok(self.board.measurements().iter().map(|m| centroid(m.centroid_q16)).collect())
     }
 }

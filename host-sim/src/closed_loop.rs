@@ -7,11 +7,11 @@
 use crate::atmosphere::{Atmosphere, Turbulence};
 use crate::board::{Board, Frame};
 use crate::error::{Error, refuse};
+use crate::imager::{Imager, Noise};
 use crate::instrument::Instrument;
 use crate::mirror::SegmentedMirror;
 use crate::optics::geometric::{GeometricSensor, Sensor};
 use crate::optics::science::{Observation, Science};
-use crate::optics::splash_image::SplashCamera;
 use crate::pupil::{Mirror, Pupil};
 use crate::reconstructor::Reconstructor;
 use splash_firmware::centroid::Measurement;
@@ -60,10 +60,8 @@ pub struct Step<'a> {
 /// A loop that is set up and can be stepped.
 pub struct ClosedLoop<'a> {
     board: &'a mut dyn Board,
-    reconstructor: &'a Reconstructor,
     run: Run,
     frame_s: f64,
-    flux_e: f32,
     pupil: Pupil,
     atmosphere: Atmosphere,
     eye: Eye,
@@ -72,16 +70,18 @@ pub struct ClosedLoop<'a> {
     mirror: Mirror,
     /// Codes on their way to the mirror, oldest first: L of them.
     pending: VecDeque<Vec<[u16; 3]>>,
-    origins: Vec<[usize; 2]>,
-    expected_e: Vec<f32>,
-    pixels: Vec<u16>,
     frame: u32,
 }
 
-/// The optics of the sensor.
+/// The sensor.
 enum Eye {
-    Images { camera: Box<SplashCamera>, images: Vec<f32> },
-    Gradients { sensor: Box<GeometricSensor>, centroids: Vec<[f64; 2]> },
+    Images(Box<Imager>),
+    /// `flux` is what each measurement claims.
+    Gradients {
+        sensor: Box<GeometricSensor>,
+        centroids: Vec<[f64; 2]>,
+        flux: u32,
+    },
 }
 
 impl<'a> ClosedLoop<'a> {
@@ -91,7 +91,7 @@ impl<'a> ClosedLoop<'a> {
     /// [`Error::Config`] for what the optics refuse, and for images of another sensor than SPLASH.
     pub fn new(
         instrument: &Instrument,
-        reconstructor: &'a Reconstructor,
+        reconstructor: &Reconstructor,
         board: &'a mut dyn Board,
         run: Run,
         progress: &mut dyn FnMut(f64),
@@ -118,42 +118,35 @@ impl<'a> ClosedLoop<'a> {
         let atmosphere = turbulence.realise(run.seed, progress);
         let height_m = instrument.laser.beacon_height_m;
         let scale = instrument.windows.pixels_per_lambda_d;
-        let (spots, window) = (pupil.subapertures().len(), instrument.windows.size);
+        let spots = pupil.subapertures().len();
         let eye = match run.sensing {
-            Sensing::Images => Eye::Images {
-                camera: SplashCamera::new(&pupil, &atmosphere, height_m, scale, window)?.into(),
-                images: vec![0.0; spots * window * window],
-            },
+            Sensing::Images => {
+                Eye::Images(Imager::new(instrument, reconstructor, &pupil, &atmosphere)?.into())
+            }
             Sensing::Geometric => Eye::Gradients {
                 sensor: GeometricSensor::new(run.sensor, &pupil, &atmosphere, height_m, scale)?
                     .into(),
                 centroids: vec![[0.0; 2]; spots],
+                flux: reconstructor.nominal_flux(),
             },
         };
         let (sensing_m, science_m) =
             (instrument.laser.wavelength_m, instrument.science.wavelength_m);
         let science = Science::new(&pupil, &atmosphere, sensing_m, science_m)?;
         let flat = vec![board.codes().to_vec(); usize::from(instrument.control.delay_frames)];
-        let side = instrument.detector_side();
-        let pixels = if run.sensing == Sensing::Images { side * side } else { 0 };
         let device = SegmentedMirror::new(instrument);
         let mut mirror = Mirror::flat(spots);
         device.apply(board.codes(), &mut mirror);
         Ok(Self {
             board,
-            reconstructor,
             run,
             frame_s,
-            flux_e: electrons as f32,
             atmosphere,
             eye,
             science,
             device,
             mirror,
             pending: flat.into(),
-            origins: reconstructor.origins().iter().map(|o| o.map(usize::from)).collect(),
-            expected_e: vec![0.0; pixels],
-            pixels: vec![0; pixels],
             pupil,
             frame: 0,
         })
@@ -167,33 +160,16 @@ impl<'a> ClosedLoop<'a> {
         let (frame, time_s) = (self.frame, f64::from(self.frame) * self.frame_s);
         let observation = self.science.observe(&self.atmosphere, time_s, &self.mirror);
         let report = match &mut self.eye {
-            Eye::Images { camera, images } => {
-                camera.expose(&self.atmosphere, time_s, &self.mirror, images);
-                let (detector, window) = (self.reconstructor.detector(), camera.window());
-                let width = detector.spec().width;
-                self.expected_e.fill(0.0);
-                let expected = &mut self.expected_e;
-                crate::detector::place(
-                    images,
-                    self.flux_e,
-                    &self.origins,
-                    window,
-                    width,
-                    expected,
-                )?;
-                if self.run.noise_free {
-                    detector.read_noise_free(expected, &mut self.pixels)?;
-                } else {
-                    let number = u64::from(frame);
-                    detector.read(expected, number, self.run.seed, &mut self.pixels)?;
-                }
-                self.board.frame(frame, Frame::Pixels(&self.pixels))?
+            Eye::Images(imager) => {
+                let Run { seed, noise_free, .. } = self.run;
+                let noise = (!noise_free).then_some(Noise { seed, frame: u64::from(frame) });
+                let pixels = imager.expose(&self.atmosphere, time_s, &self.mirror, noise)?;
+                self.board.frame(frame, Frame::Pixels(pixels))?
             }
-            Eye::Gradients { sensor, centroids } => {
+            Eye::Gradients { sensor, centroids, flux } => {
                 sensor.centroids(&self.atmosphere, time_s, &self.mirror, centroids);
-                let flux = self.reconstructor.nominal_flux();
                 let measurements: Vec<Measurement> =
-                    centroids.iter().map(|c| measurement(*c, flux)).collect();
+                    centroids.iter().map(|c| measurement(*c, *flux)).collect();
                 self.board.frame(frame, Frame::Measurements(&measurements))?
             }
         };
@@ -202,7 +178,7 @@ impl<'a> ClosedLoop<'a> {
             self.device.apply(&codes, &mut self.mirror);
         }
         self.frame += 1;
-        Ok(Step { frame, time_s, observation, pixels: &self.pixels, report })
+        Ok(Step { frame, time_s, observation, pixels: self.pixels(), report })
     }
 
     /// The board.
@@ -222,7 +198,10 @@ impl<'a> ClosedLoop<'a> {
 
     /// The last detector frame, ADU, row-major; empty without images.
     pub fn pixels(&self) -> &[u16] {
-        &self.pixels
+        match &self.eye {
+            Eye::Images(imager) => imager.pixels(),
+            Eye::Gradients { .. } => &[],
+        }
     }
 
     /// The star's residual phase of the last step, rad at the science wavelength.

@@ -6,6 +6,7 @@
 //! | [`pupil`], [`screen`], [`atmosphere`] | subapertures and segments, phase screens, frozen flow |
 //! | [`optics`] | images of the spots, exact gradients, the science star |
 //! | [`detector`] | electrons to ADU |
+//! | [`imager`] | optics and detector of the sensor together |
 //! | [`calibration`] | reference slopes and slope gains, from a flat mirror and pokes |
 //! | [`reconstructor`] | the firmware's configuration for an instrument |
 //! | [`board`] | where the firmware library runs |
@@ -25,6 +26,7 @@ pub mod detector;
 pub mod error;
 pub mod figures;
 pub mod files;
+pub mod imager;
 pub mod instrument;
 pub mod mirror;
 pub mod optics;

@@ -62,10 +62,7 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
         seed: args.run.seed,
         noise_free: args.run.noise_free,
     };
-    let (bar, mut turbulence) = progress::fraction("turbulence");
-    let mut closed =
-        ClosedLoop::new(&instrument, &reconstructor, board.as_mut(), run, &mut turbulence)?;
-    bar.finish_and_clear();
+    let mut closed = progress::close(&instrument, &reconstructor, board.as_mut(), run)?;
 
     let directory = output::directory(args.output.out.as_deref(), "loop")?;
     let mut files = Files::create(&directory, &instrument, &reconstructor, run)?;
@@ -268,12 +265,11 @@ fn draw(
     let at = |name: &str| directory.join(name);
     let pupil = closed.pupil();
     let (side, window) = (instrument.detector_side(), instrument.windows.size);
-    let limits = closed.board().slopes();
     let marks: Vec<WindowMark> = reconstructor
         .origins()
         .iter()
         .zip(closed.board().measurements())
-        .zip(limits)
+        .zip(closed.board().slopes())
         .map(|((&[x0, y0], measurement), slope)| {
             let centre = (window as f64 - 1.0) / 2.0;
             let place = |origin: u16, c: i32| {

@@ -7,7 +7,7 @@
 use super::{output, progress};
 use crate::board::in_process;
 use crate::cli::FramesArgs;
-use crate::closed_loop::{ClosedLoop, Run, Sensing};
+use crate::closed_loop::{Run, Sensing};
 use crate::error::Error;
 use crate::files::fits::FitsWriter;
 use crate::optics::geometric::Sensor;
@@ -41,10 +41,7 @@ pub fn run(args: &FramesArgs) -> Result<(), Error> {
         seed: args.run.seed,
         noise_free: args.run.noise_free,
     };
-    let (bar, mut turbulence) = progress::fraction("turbulence");
-    let mut closed =
-        ClosedLoop::new(&instrument, &reconstructor, board.as_mut(), run, &mut turbulence)?;
-    bar.finish_and_clear();
+    let mut closed = progress::close(&instrument, &reconstructor, board.as_mut(), run)?;
     let side = instrument.detector_side();
     let writable = |error| Error::Config(format!("{error}"));
     let header = output::header(&instrument, run.seed, "ADU");

@@ -1,8 +1,11 @@
 //! Progress bars on stderr; invisible where there is no terminal.
 
+use crate::board::Board;
 use crate::calibration::SlopeCalibration;
+use crate::closed_loop::{ClosedLoop, Run};
 use crate::error::Error;
 use crate::instrument::Instrument;
+use crate::reconstructor::Reconstructor;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// A bar over `length` steps of something called `unit`.
@@ -17,7 +20,7 @@ pub(super) fn bar(length: u64, what: &'static str, unit: &str) -> ProgressBar {
 }
 
 /// A bar from 0 to 100 %, and what moves it to a fraction.
-pub(super) fn fraction(what: &'static str) -> (ProgressBar, impl FnMut(f64)) {
+fn fraction(what: &'static str) -> (ProgressBar, impl FnMut(f64)) {
     let progress = bar(100, what, "%");
     let moved = progress.clone();
     (progress, move |done: f64| moved.set_position((100.0 * done) as u64))
@@ -29,4 +32,17 @@ pub(super) fn calibrate(instrument: &Instrument) -> Result<SlopeCalibration, Err
     let slopes = SlopeCalibration::measure(instrument, &mut progress)?;
     bar.finish_and_clear();
     Ok(slopes)
+}
+
+/// Sets a closed loop up behind a bar: drawing the turbulence takes its time.
+pub(super) fn close<'a>(
+    instrument: &Instrument,
+    reconstructor: &Reconstructor,
+    board: &'a mut dyn Board,
+    run: Run,
+) -> Result<ClosedLoop<'a>, Error> {
+    let (bar, mut progress) = fraction("turbulence");
+    let closed = ClosedLoop::new(instrument, reconstructor, board, run, &mut progress)?;
+    bar.finish_and_clear();
+    Ok(closed)
 }
