@@ -37,6 +37,7 @@ pub mod geometry;
 mod omega;
 pub mod pipeline;
 pub mod pixels;
+mod probe;
 mod quantise;
 mod readout;
 pub mod redblack;

@@ -24,6 +24,7 @@ use crate::centroid::Measurement;
 use crate::config::Config;
 use crate::control::Control;
 use crate::fixed::TILT_LIMIT;
+pub use crate::probe::{Probe, Stage};
 use crate::readout::Readout;
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
 use crate::segments::{ACTUATORS, Position};
@@ -61,6 +62,7 @@ pub struct Pipeline<const M: usize, const B: usize> {
     control: Control<M>,
     sor: Sor<M>,
     positions: [Position; M],
+    heights_ulp: [[u32; ACTUATORS]; M],
     codes: [[u16; ACTUATORS]; M],
     subapertures: usize,
 }
@@ -101,6 +103,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
             control: Control::new(),
             sor: Sor::new(),
             positions: [Position { piston_ulp: 0, tilt_ulp: [0; 2] }; M],
+            heights_ulp: [[0; ACTUATORS]; M],
             codes: [[0; ACTUATORS]; M],
             subapertures: 0,
         }
@@ -215,6 +218,16 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
 
     /// Ends the frame: new codes if it was complete, the old ones if not.
     pub fn finish<const P: usize>(&mut self, config: &Config<M, P, B>) -> Report {
+        self.finish_probed(config, &mut ())
+    }
+
+    /// [`Pipeline::finish`], telling `probe` after each stage. A held frame ends after slopes.
+    #[inline]
+    pub fn finish_probed<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        probe: &mut impl Probe,
+    ) -> Report {
         let hold = self.reason_to_hold(config);
         self.phase = Phase::Idle;
         let mut report = Report {
@@ -232,12 +245,13 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         };
         self.restarted = false;
         let hold = hold.or_else(|| self.measure(config, &mut report));
+        probe.after(Stage::Slopes);
         match hold {
             Some(hold) => {
                 report.outcome = Outcome::Held(hold);
                 self.hold(hold);
             }
-            None => self.reconstruct(config, &mut report),
+            None => self.reconstruct(config, &mut report, probe),
         }
         report
     }
@@ -284,10 +298,16 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     }
 
     /// Control law, pistons, segments and codes.
-    fn reconstruct<const P: usize>(&mut self, config: &Config<M, P, B>, report: &mut Report) {
+    fn reconstruct<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        report: &mut Report,
+        probe: &mut impl Probe,
+    ) {
         let global_tilt = self.current_tilt(config.tilt_max_age, report);
         let (grid, nodes) = (&config.sor.grid, &config.nodes);
         self.control.update(&config.control, grid, &self.slopes, &config.gains, nodes);
+        probe.after(Stage::Control);
 
         let [tip, tilt] = self.control.field();
         self.sor.load(&config.sor, tip, tilt);
@@ -296,17 +316,15 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         self.warm = true;
         report.residual_squared = self.sor.residual_squared(&config.sor);
         self.sor.remove_means(&config.sor, nodes);
+        probe.after(Stage::Sor);
 
-        let commands = self.control.commands().iter().zip(nodes);
-        let mirror = config.segments.iter().zip(&config.responses);
-        let state = self.positions.iter_mut().zip(&mut self.codes);
-        for (((command, node), (segment, responses)), (position, codes)) in
-            commands.zip(mirror).zip(state)
-        {
+        let commands = self.control.commands().iter().zip(nodes).zip(&config.segments);
+        let state = self.positions.iter_mut().zip(&mut self.heights_ulp);
+        for (((command, node), segment), (position, heights_ulp)) in commands.zip(state) {
             let target = target(*command, self.sor.piston(*node), *node, global_tilt);
             let step = segment.advance(*position, target, config.slew_ulp);
             *position = step.position;
-            *codes = dac_codes(config.drive, responses, step.heights_ulp);
+            *heights_ulp = step.heights_ulp;
             report.saturated_actuators += step.limited.saturated as u16;
             report.slewed_actuators += step.limited.slewed as u16;
         }
@@ -317,6 +335,13 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         });
         self.control.record(applied);
         self.count(report);
+        probe.after(Stage::Segments);
+
+        let heights = config.responses.iter().zip(&self.heights_ulp);
+        for ((responses, heights_ulp), codes) in heights.zip(&mut self.codes) {
+            *codes = dac_codes(config.drive, responses, *heights_ulp);
+        }
+        probe.after(Stage::Actuators);
     }
 
     /// The global tilt in use: the last one given, however old.
