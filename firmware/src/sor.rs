@@ -188,7 +188,8 @@ impl<const M: usize> Sor<M> {
     /// reciprocal is low by less than size / 2^24 of itself, which of a mean that was zero a
     /// frame ago leaves nothing.
     pub fn remove_means(&mut self, config: &SorConfig<M>, nodes: &[Node]) {
-        self.means.fill(0);
+        let components = config.sizes.len();
+        self.means.iter_mut().take(components).for_each(|sum| *sum = 0);
         for node in nodes {
             let p = self.piston(*node);
             if let Some(sum) = self.means.get_mut(usize::from(node.component)) {
