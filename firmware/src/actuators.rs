@@ -5,17 +5,18 @@
 //! quadratic   code^2 = c0 + c1 h            v = code^2 / 2     (electrostatic: stroke ~ V^2)
 //! ```
 //!
-//! Both are one line v(h) and, for the quadratic response, a rounded square root. `h` is in ulp
-//! above the actuator's zero, 0 ..= 2^25; v is 31 bits within the range in use; c0 (in
-//! units of 8: a response may start several strokes away) and c1 (the change of v over a quarter of
-//! the stroke) are i32 and the product i64 (2^31 x 2^25 = 2^56). The response is monotonic and both ends of the height range are
-//! checked when the configuration is built, so a code never leaves its DAC; rounding is to
-//! nearest. A DAC of fewer than 16 bits uses the upper ones of a 16-bit code, rounded.
+//! Both are one line v(h) and, for the quadratic response, a rounded square root. `h` is relative to
+//! the flat map in ulp of piston, within +-2^27; v is 31 bits within the range in use; c0 (v of the
+//! flat mirror) and c1 (the change of v over 2^21 ulp, which has the actuator's height per piston in
+//! it) are i32 and the product i64 (2^31 x 2^27 = 2^58). The response is monotonic and both ends of
+//! the height range are checked when the configuration is built, so a code never leaves its DAC;
+//! rounding is to nearest. A DAC of fewer than 16 bits uses the upper ones of a 16-bit code, rounded.
 
 use crate::fixed;
+use serde::{Deserialize, Serialize};
 
 /// How an actuator's height follows from its DAC code.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Law {
     /// Height goes with the code.
     #[default]
@@ -25,24 +26,20 @@ pub enum Law {
 }
 
 /// The line v(h) of one actuator.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Response {
-    /// v at height 0, in units of 2^[`OFFSET_BITS`].
+    /// v of the flat mirror.
     pub(crate) offset: i32,
-    /// Change of v over 2^23 ulp, a quarter of the stroke.
+    /// Change of v over 2^[`SLOPE_BITS`] ulp of piston.
     pub(crate) slope: i32,
 }
 
-/// ulp, as a power of two, over which [`Response::slope`] is the change: actuators that reach no
-/// more than a quarter of the nominal stroke still fit.
-pub(crate) const SLOPE_BITS: u32 = 23;
-
-/// Binary exponent of [`Response::offset`]: an eighth of what one ulp of height changes v by, and
-/// room for the 2^33.4 that an offset can reach at a quarter of the stroke's span.
-pub(crate) const OFFSET_BITS: u32 = 3;
+/// ulp, as a power of two, over which [`Response::slope`] is the change: an actuator that reaches
+/// no more than a quarter of the nominal stroke, four times faster than the piston, still fits.
+pub(crate) const SLOPE_BITS: u32 = 21;
 
 /// What all actuators share.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Drive {
     /// How height follows from code.
     pub(crate) law: Law,
@@ -52,9 +49,9 @@ pub(crate) struct Drive {
 
 /// The DAC code for `height_ulp`.
 #[inline(always)]
-pub(crate) fn code(response: Response, drive: Drive, height_ulp: u32) -> u16 {
+pub(crate) fn code(response: Response, drive: Drive, height_ulp: i32) -> u16 {
     let rise = (i64::from(response.slope) * i64::from(height_ulp)) >> SLOPE_BITS;
-    let v = (i64::from(response.offset) << OFFSET_BITS).wrapping_add(rise);
+    let v = i64::from(response.offset).wrapping_add(rise);
     let v = v.clamp(0, i64::from(i32::MAX)) as u32;
     let spare = drive.spare_bits;
     let code = match drive.law {

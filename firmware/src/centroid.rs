@@ -26,6 +26,7 @@
 
 use crate::fixed::{self, CENTROID_BITS};
 use crate::pixels::{self, BankRow, Cut, RowPixels, Seen};
+use serde::{Deserialize, Serialize};
 
 /// Largest window, pixels on a side.
 pub const MAX_WINDOW: usize = 32;
@@ -33,7 +34,7 @@ pub const MAX_WINDOW: usize = 32;
 pub const MIN_WINDOW: usize = 4;
 
 /// How a window becomes a centroid, in fixed point.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum EstimatorConfig {
     /// Centre of gravity above the larger of the pixels' threshold and `peak_fraction` (Q16) of
     /// the subaperture's previous peak; plain CoG has fraction 0.
@@ -176,7 +177,7 @@ const TEMPLATE: usize = 2 * MAX_WINDOW + 2;
 /// weights for any centre is one slice.
 #[derive(Debug)]
 pub(crate) struct Template {
-    samples: [[u8; TEMPLATE]; PHASES],
+    pub(crate) samples: [[u8; TEMPLATE]; PHASES],
 }
 
 impl Template {

@@ -15,17 +15,18 @@ use crate::geometry::{Grid, Mask};
 use crate::omega;
 use crate::pixels::Bank;
 use crate::quantise::Quantiser;
-use crate::segments::{ACTUATORS, Segment};
+use crate::segments::{ACTUATORS, Segment, Travel};
 use crate::slopes::SlopeCalibration;
 use crate::sor::{Links, Node, SorConfig};
 use crate::spec::{SorSpec, Spec};
 use crate::validate;
+use serde::{Deserialize, Serialize};
 
 /// Sweeps of the first frame after a reset, in those of any other: it starts from nothing.
 const COLD: u16 = 4;
 
 /// Where a window is and whose it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Slot {
     /// Column of its first pixel.
     pub(crate) x0: u16,
@@ -45,6 +46,8 @@ pub struct Config<const M: usize, const P: usize, const B: usize> {
     pub(crate) mask: Option<Mask>,
     pub(crate) width: u16,
     pub(crate) height: u16,
+    /// Bits of a raw pixel.
+    pub(crate) bits: u8,
     pub(crate) window: usize,
     /// Windows in readout order: by first row, then first column.
     pub(crate) slots: heapless::Vec<Slot, M>,
@@ -63,13 +66,13 @@ pub struct Config<const M: usize, const P: usize, const B: usize> {
     pub(crate) nodes: heapless::Vec<Node, M>,
     pub(crate) sor: SorConfig<M>,
     pub(crate) segments: heapless::Vec<Segment, M>,
-    pub(crate) slew_ulp: i32,
+    pub(crate) travel: Travel,
     pub(crate) drive: Drive,
     pub(crate) responses: heapless::Vec<[Response; ACTUATORS], M>,
-    timing: GateTiming,
-    lsb_m: f64,
-    adu_per_unit: f64,
-    omega: f64,
+    pub(crate) timing: GateTiming,
+    pub(crate) lsb_m: f64,
+    pub(crate) adu_per_unit: f64,
+    pub(crate) omega: f64,
 }
 
 impl<const M: usize, const P: usize, const B: usize> Default for Config<M, P, B> {
@@ -86,6 +89,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             mask: None,
             width: 0,
             height: 0,
+            bits: 0,
             window: 0,
             slots: heapless::Vec::new(),
             bank: Bank::new(),
@@ -101,7 +105,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             nodes: heapless::Vec::new(),
             sor: SorConfig::EMPTY,
             segments: heapless::Vec::new(),
-            slew_ulp: 0,
+            travel: Travel { ratio_bits: 10, slew_ulp: 0, tilts_shrink: false, slews: false },
             drive: Drive { law: Law::Linear, spare_bits: 0 },
             responses: heapless::Vec::new(),
             timing: GateTiming { delay_ns: 0, width_ns: 0, period_ns: 0, pulses_per_frame: 0 },
@@ -123,19 +127,22 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         let timing = spec.gate.timing()?;
         let quantiser = Quantiser::new(spec)?;
         let (estimator, weight_fwhm_px) = quantiser.estimator()?;
-        let concurrent = validate::buffer::<B>(spec, &estimator)?;
+        let concurrent =
+            validate::buffer::<B>(&estimator, spec.windows.size.into(), spec.windows.origins)?;
         let slew_ulp = quantiser.slew_ulp()?;
         let count = spec.mask.count();
         for i in 0..count {
             quantiser.slope(i)?;
             quantiser.gains(i)?;
-            quantiser.responses(i, &quantiser.segment(i)?)?;
+            quantiser.segment(i)?;
+            quantiser.responses(i)?;
         }
         validate::sor(spec)?;
 
         self.mask = Some(spec.mask);
         self.width = spec.detector.width;
         self.height = spec.detector.height;
+        self.bits = spec.detector.bits;
         self.window = usize::from(spec.windows.size);
         self.estimator = estimator;
         if let Some(fwhm_px) = weight_fwhm_px {
@@ -145,7 +152,6 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.gain_exponent = quantiser.gain_exponent;
         self.control = control;
         self.tilt_max_age = spec.control.global_tilt_max_age;
-        self.slew_ulp = slew_ulp;
         let spare_bits = 16 - u32::from(spec.actuators.dac_bits.clamp(8, 16));
         self.drive = Drive { law: spec.actuators.law, spare_bits };
         self.timing = timing;
@@ -153,21 +159,34 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.adu_per_unit = quantiser.adu_per_unit;
         self.fill_subapertures(&quantiser, spec)?;
         self.fill_bank(&quantiser, spec);
+        self.travel = Travel::new(quantiser.ratio_bits, slew_ulp, &self.segments);
         self.fill_sor(&spec.mask, &spec.sor);
         Ok(())
     }
 
-    /// Everything that is one entry a subaperture. All of it was checked; no push can fail.
-    fn fill_subapertures(&mut self, q: &Quantiser<'_>, spec: &Spec<'_>) -> Result<(), ConfigError> {
+    /// Back to no subapertures.
+    pub(crate) fn forget(&mut self) {
+        self.mask = None;
+        self.clear();
+        self.bank.clear();
+        self.nodes.clear();
+    }
+
+    fn clear(&mut self) {
         self.slots.clear();
         self.base_thresholds.clear();
         self.slopes.clear();
         self.gains.clear();
         self.segments.clear();
         self.responses.clear();
+    }
+
+    /// Everything that is one entry a subaperture. All of it was checked; no push can fail.
+    fn fill_subapertures(&mut self, q: &Quantiser<'_>, spec: &Spec<'_>) -> Result<(), ConfigError> {
+        self.clear();
         for (i, &[x0, y0]) in spec.windows.origins.iter().enumerate() {
             let segment = q.segment(i)?;
-            let responses = q.responses(i, &segment)?;
+            let responses = q.responses(i)?;
             let _ = self.slots.push(Slot { x0, y0, subaperture: i as u16 });
             let _ = self.base_thresholds.push(q.base_threshold([x0, y0]));
             let _ = self.slopes.push(q.slope(i)?);
@@ -192,7 +211,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         }
     }
 
-    fn fill_sor(&mut self, mask: &Mask, spec: &SorSpec) {
+    pub(crate) fn fill_sor(&mut self, mask: &Mask, spec: &SorSpec) {
         let grid = Grid::new(mask.across());
         let sor = &mut self.sor;
         sor.grid = grid;
@@ -211,13 +230,13 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             }
         }
         label_components(&mut self.nodes, &grid);
-        sor.inverse_sizes.clear();
+        sor.sizes.clear();
         for component in 0..u16::MAX {
             let size = self.nodes.iter().filter(|node| node.component == component).count();
             if size == 0 {
                 break;
             }
-            let _ = sor.inverse_sizes.push((1 << 24) / size as u32);
+            let _ = sor.sizes.push(size as u16);
         }
         self.omega = spec.omega.unwrap_or_else(|| omega::optimal(sor, &self.nodes));
         let sweeps = spec.sweeps.unwrap_or_else(|| omega::sweeps(self.omega, mask.across()));
@@ -284,7 +303,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
     /// Connected components of the mask: each has its own mean piston, which is removed.
     #[must_use]
     pub fn components(&self) -> usize {
-        self.sor.inverse_sizes.len()
+        self.sor.sizes.len()
     }
 
     /// What the piston solver needs of the mask.

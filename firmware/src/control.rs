@@ -24,6 +24,7 @@ use crate::geometry::Grid;
 use crate::redblack::{COLOURS, RedBlack};
 use crate::slopes::{MeanSlope, Slope};
 use crate::sor::Node;
+use serde::{Deserialize, Serialize};
 
 /// Fraction bits of the control coefficients.
 pub(crate) const GAIN_BITS: u32 = 13;
@@ -31,7 +32,7 @@ pub(crate) const GAIN_BITS: u32 = 13;
 pub const MAX_DELAY: usize = 3;
 
 /// The coefficients of one subaperture, Q13.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Gains {
     /// 1 - g.
     pub(crate) keep: i16,
@@ -40,7 +41,7 @@ pub(crate) struct Gains {
 }
 
 /// What the control law needs beside the gains.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct ControlConfig {
     /// What is done with the mean.
     pub(crate) mean: MeanSlope,

@@ -9,6 +9,7 @@
 //! delay + width must end before the next pulse, and the detector must be read out within a frame.
 
 use crate::error::{ConfigError, Field};
+use serde::{Deserialize, Serialize};
 
 /// Speed of light, m/s (exact by definition).
 pub const SPEED_OF_LIGHT_M_PER_S: f64 = 299_792_458.0;
@@ -31,7 +32,7 @@ pub struct GateSpec {
 }
 
 /// The timing of a frame, ns.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GateTiming {
     /// From the pulse to the gate's opening, ns.
     pub delay_ns: u32,

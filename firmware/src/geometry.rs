@@ -99,6 +99,11 @@ impl Mask {
         self.across as usize
     }
 
+    /// One bit a cell, x from bit 0, row by row.
+    pub(crate) fn rows(&self) -> &[u64] {
+        self.rows.get(..self.across()).unwrap_or_default()
+    }
+
     /// Whether the cell in column `x`, row `y` is a subaperture; `false` off the grid.
     #[must_use]
     pub fn contains(&self, x: usize, y: usize) -> bool {

@@ -34,6 +34,7 @@ pub mod error;
 pub mod fixed;
 pub mod gate;
 pub mod geometry;
+pub mod image;
 mod omega;
 pub mod pipeline;
 pub mod pixels;

@@ -62,7 +62,7 @@ pub struct Pipeline<const M: usize, const B: usize> {
     control: Control<M>,
     sor: Sor<M>,
     positions: [Position; M],
-    heights_ulp: [[u32; ACTUATORS]; M],
+    heights_ulp: [[i32; ACTUATORS]; M],
     codes: [[u16; ACTUATORS]; M],
     subapertures: usize,
 }
@@ -129,10 +129,9 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         self.slopes.fill(Slope::default());
         self.positions.fill(Position::default());
         self.subapertures = config.subapertures();
-        let targets = config.segments.iter().zip(&config.responses).zip(&mut self.codes);
-        for ((segment, responses), codes) in targets {
-            let flat = segment.advance(Position::default(), Position::default(), i32::MAX);
-            *codes = dac_codes(config.drive, responses, flat.heights_ulp);
+        self.heights_ulp.fill([0; ACTUATORS]);
+        for (responses, codes) in config.responses.iter().zip(&mut self.codes) {
+            *codes = dac_codes(config.drive, responses, [0; ACTUATORS]);
         }
     }
 
@@ -322,7 +321,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         let state = self.positions.iter_mut().zip(&mut self.heights_ulp);
         for (((command, node), segment), (position, heights_ulp)) in commands.zip(state) {
             let target = target(*command, self.sor.piston(*node), *node, global_tilt);
-            let step = segment.advance(*position, target, config.slew_ulp);
+            let step = segment.advance(*position, *heights_ulp, target, &config.travel);
             *position = step.position;
             *heights_ulp = step.heights_ulp;
             report.saturated_actuators += step.limited.saturated as u16;
@@ -425,7 +424,7 @@ fn target(command: [i32; 2], piston: i32, node: Node, global: [i32; 2]) -> Posit
 fn dac_codes(
     drive: actuators::Drive,
     [r0, r1, r2]: &[actuators::Response; ACTUATORS],
-    [h0, h1, h2]: [u32; ACTUATORS],
+    [h0, h1, h2]: [i32; ACTUATORS],
 ) -> [u16; ACTUATORS] {
     [(r0, h0), (r1, h1), (r2, h2)].map(|(r, h)| actuators::code(*r, drive, h))
 }

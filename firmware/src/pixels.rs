@@ -21,8 +21,10 @@
 //! Scaling and overflow: every quantity is a u16 and every operation saturating or exact;
 //! rounding of the gain is to nearest, ties down in `b` (ties up in the loss).
 
+use serde::{Deserialize, Serialize};
+
 /// What becomes of a pixel at or below its threshold, and of one above it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Convention {
     /// The threshold is subtracted, and what falls below zero is zero.
     #[default]
@@ -106,6 +108,30 @@ impl<const P: usize> Bank<P> {
         let _ = self.floor.push(pixel.floor);
         let _ = self.loss.push(pixel.loss);
         let _ = self.threshold.push(pixel.threshold);
+    }
+
+    pub(crate) fn push_floor(&mut self, floor: u16) {
+        let _ = self.floor.push(floor);
+    }
+
+    pub(crate) fn push_loss(&mut self, loss: u16) {
+        let _ = self.loss.push(loss);
+    }
+
+    pub(crate) fn push_threshold(&mut self, threshold: u8) {
+        let _ = self.threshold.push(threshold);
+    }
+
+    pub(crate) fn floors(&self) -> &[u16] {
+        &self.floor
+    }
+
+    pub(crate) fn losses(&self) -> &[u16] {
+        &self.loss
+    }
+
+    pub(crate) fn thresholds(&self) -> &[u8] {
+        &self.threshold
     }
 
     /// The pixels of windows `first .. next`, `area` each, one window after the other.

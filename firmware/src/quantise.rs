@@ -3,13 +3,13 @@
 //! Floats end here. Every conversion uses only +, -, x, /, rounding and `libm`, in one order, so
 //! that a board that builds its own configuration gets the integers that a PC gets.
 
-use crate::actuators::{Law, OFFSET_BITS, Response};
+use crate::actuators::{Law, Response, SLOPE_BITS};
 use crate::centroid::EstimatorConfig;
 use crate::control::{GAIN_BITS, Gains};
 use crate::error::{ConfigError, Field, Limit};
 use crate::fixed::{CENTROID_BITS, LENGTH_BITS};
 use crate::pixels::{BAD, Convention, PixelCalibration};
-use crate::segments::{ACTUATORS, MATRIX_BITS, Segment};
+use crate::segments::{ACTUATORS, INFLUENCE_BITS, RATIO_BITS, Segment};
 use crate::slopes::SlopeCalibration;
 use crate::spec::{Estimator, Map, Spec};
 
@@ -28,6 +28,8 @@ pub(crate) struct Quantiser<'a> {
     pub(crate) threshold_shift: u32,
     /// Exponent of the slope gain's mantissas.
     pub(crate) gain_exponent: u32,
+    /// Fraction bits of the segments' ratios.
+    pub(crate) ratio_bits: u32,
 }
 
 /// `2^bits`.
@@ -51,6 +53,7 @@ impl<'a> Quantiser<'a> {
             adu_per_unit: 0.0,
             threshold_shift: 0,
             gain_exponent: 0,
+            ratio_bits: 0,
         };
         let sigma = spec.pixels.threshold_sigma;
         ConfigError::check(Field::ThresholdSigma, None, sigma, (0.0, 100.0))?;
@@ -76,6 +79,7 @@ impl<'a> Quantiser<'a> {
             quantiser.threshold_shift += 1;
         }
         quantiser.gain_exponent = quantiser.common_exponent()?;
+        quantiser.ratio_bits = quantiser.ratio_bits();
         Ok(quantiser)
     }
 
@@ -298,9 +302,31 @@ impl<'a> Quantiser<'a> {
             let rule = Limit::Rule("determinant: the three actuators must not lie on one line");
             return Err(ConfigError::at(Field::SegmentMatrix, i, determinant, rule));
         }
+        let heights = self.heights(i)?;
+        let lowest = |[piston, ..]: [f64; 3], low: f64, flat: f64| {
+            libm::ceil((low - flat) * power(LENGTH_BITS) / piston) as i32
+        };
+        let highest = |[piston, ..]: [f64; 3], high: f64, flat: f64| {
+            libm::floor((high - flat) * power(LENGTH_BITS) / piston) as i32
+        };
+        let q = |value: f64, bits: u32| round(value * power(bits));
+        let ratio = |value: f64, piston: f64| q(value / piston, self.ratio_bits) as i16;
+        let ([m0, m1, m2], [h0, h1, h2]) = (matrix, heights);
+        let rows = [(m0, h0), (m1, h1), (m2, h2)];
+        Ok(Segment {
+            ratios: matrix.map(|[piston, tip, tilt]| [ratio(tip, piston), ratio(tilt, piston)]),
+            influence: matrix.map(|[piston, ..]| libm::ceil(piston * power(INFLUENCE_BITS)) as u16),
+            lowest: rows.map(|(row, [low, _, flat])| lowest(row, low, flat)),
+            highest: rows.map(|(row, [_, high, flat])| highest(row, high, flat)),
+        })
+    }
+
+    /// Lowest, highest and flat height of each actuator of segment `i`, whole LSB above its zero.
+    fn heights(&self, i: usize) -> Result<[[f64; 3]; ACTUATORS], ConfigError> {
+        let segments = &self.spec.segments;
         let limits = segments.limits_m.get(i).unwrap_or([[f64::NAN; 2]; ACTUATORS]);
         let flats = segments.flat_m.get(i).unwrap_or([f64::NAN; ACTUATORS]);
-        let mut heights = [[0u16; 3]; ACTUATORS];
+        let mut heights = [[0.0; 3]; ACTUATORS];
         for ((heights, [low, high]), flat) in heights.iter_mut().zip(limits).zip(flats) {
             let check = |field, value, limit| ConfigError::check(field, Some(i), value, limit);
             check(Field::HeightLimits, low, (0.0, segments.stroke_m))?;
@@ -314,16 +340,22 @@ impl<'a> Quantiser<'a> {
                 check(Field::Flat, flat, room)?;
                 return Err(ConfigError::at(Field::Flat, i, flat, Limit::Within(room.0, room.1)));
             }
-            *heights = [low_lsb, high_lsb, flat_lsb].map(|lsb| lsb as u16);
+            *heights = [low_lsb, high_lsb, flat_lsb];
         }
-        let q = |value: f64| round(value * power(MATRIX_BITS));
-        Ok(Segment {
-            matrix: matrix.map(|row| row.map(|value| q(value) as i16)),
-            inverse_piston: matrix.map(|[piston, _, _]| q(1.0 / piston) as u16),
-            lowest: heights.map(|[low, _, _]| low),
-            highest: heights.map(|[_, high, _]| high),
-            flat: heights.map(|[_, _, flat]| flat),
-        })
+        Ok(heights)
+    }
+
+    /// The most fraction bits with which every ratio of a segment matrix fits 16 bits.
+    fn ratio_bits(&self) -> u32 {
+        let mut largest = 0.0f64;
+        for i in 0..self.spec.mask.count() {
+            for [piston, tip, tilt] in self.spec.segments.matrix.get(i).unwrap_or_default() {
+                largest = largest.max((tip / piston).abs()).max((tilt / piston).abs());
+            }
+        }
+        let (least, most) = RATIO_BITS;
+        // Values that no matrix may have are refused with their segment.
+        (least..=most).rev().find(|&bits| largest * power(bits) < 32_767.0).unwrap_or(least)
     }
 
     /// The slew limit, ulp per frame.
@@ -342,11 +374,7 @@ impl<'a> Quantiser<'a> {
     }
 
     /// The responses of segment `i`'s actuators.
-    pub(crate) fn responses(
-        &self,
-        i: usize,
-        segment: &Segment,
-    ) -> Result<[Response; ACTUATORS], ConfigError> {
+    pub(crate) fn responses(&self, i: usize) -> Result<[Response; ACTUATORS], ConfigError> {
         let actuators = &self.spec.actuators;
         let bits = f64::from(actuators.dac_bits);
         ConfigError::check(Field::DacBits, None, bits, (8.0, 16.0))?;
@@ -359,9 +387,11 @@ impl<'a> Quantiser<'a> {
         };
         let ends = actuators.response_m.get(i).unwrap_or([[f64::NAN; 2]; ACTUATORS]);
         let mut responses = [Response { offset: 0, slope: 0 }; ACTUATORS];
-        let limits = segment.lowest.iter().zip(&segment.highest);
-        for ((response, [zero, full]), (&low, &high)) in responses.iter_mut().zip(ends).zip(limits)
-        {
+        let heights = self.heights(i)?;
+        let matrix = self.spec.segments.matrix.get(i).unwrap_or_default();
+        let mirror = heights.into_iter().zip(matrix);
+        let places = responses.iter_mut().zip(ends);
+        for ((response, [zero, full]), ([low, high, flat], [influence, ..])) in places.zip(mirror) {
             let stroke = self.spec.segments.stroke_m;
             let span = (full - zero).abs();
             let rule = Limit::Rule(
@@ -372,7 +402,7 @@ impl<'a> Quantiser<'a> {
             }
             let v = |height_lsb: f64| full_v * (height_lsb * self.lsb_m - zero) / (full - zero);
             for lsb in [low, high] {
-                let reached = v(f64::from(lsb)) / full_v;
+                let reached = v(lsb) / full_v;
                 // Half an LSB of a 16-bit scale outside is rounding, not a range that is missing.
                 if !(-1.0 / 131_072.0..=1.0 + 1.0 / 131_072.0).contains(&reached) {
                     let rule = Limit::Rule(
@@ -381,9 +411,9 @@ impl<'a> Quantiser<'a> {
                     return Err(ConfigError::at(Field::Response, i, reached, rule));
                 }
             }
-            let slope = (v(STROKE_LSB) - v(0.0)) / 4.0;
-            let offset = v(0.0) / power(OFFSET_BITS);
-            *response = Response { offset: round(offset) as i32, slope: round(slope) as i32 };
+            let slope = (v(STROKE_LSB) - v(0.0)) / STROKE_LSB * power(SLOPE_BITS - LENGTH_BITS);
+            *response =
+                Response { offset: round(v(flat)) as i32, slope: round(slope * influence) as i32 };
         }
         Ok(responses)
     }

@@ -2,7 +2,12 @@
 //!
 //! ```text
 //! h_a = m_a0 p + m_a1 tip + m_a2 tilt,   a = 0, 1, 2
+//! h_a / m_a0 = p + q_a,                  q_a = t_a1 tip + t_a2 tilt,   t = m / m_a0
 //! ```
+//!
+//! Everything here is in units of piston: the configuration divides each actuator's row, and its
+//! limits, by its influence m_a0, and the actuators' responses take it back. Heights are relative to
+//! the flat map.
 //!
 //! The reachable region of a segment is where all three heights are within their actuators'
 //! limits: a sheared box in (p, tip, tilt), not a box per axis. Priority: tip and tilt are kept
@@ -13,37 +18,62 @@
 //! LSB, 15/16 at 16 LSB). The region is convex, so every point of that line is reachable too.
 //!
 //! ```text
-//! piston interval   max_a (lo_a - q_a) / m_a0 <= p <= min_a (hi_a - q_a) / m_a0,  q_a = tilt part
-//! tilt scale        min over a != b of (hi_b/m_b0 - lo_a/m_a0) / (q_b/m_b0 - q_a/m_a0)
+//! piston interval   max_a (lo_a - q_a) <= p <= min_a (hi_a - q_a)
+//! tilt scale        min over a != b of (hi_b - lo_a) / (q_b - q_a)
 //! ```
 //!
+//! Whether a tip/tilt within +-2^23 can fail to fit, and a move be too fast, is known when the
+//! configuration is built ([`Travel`]); a mirror where neither can happen spends no time on it.
+//!
 //! **Scaling and overflow.** Positions in ulp: |p| <= 2^26 with a global tilt's plane, |tip|,
-//! |tilt| <= 2^23. Matrix Q13 in i16 (within +-4), inverse of m_a0 Q13 in u16 (m_a0 from 1/4 to
-//! 4) refined to Q26: i64 products, |q| <= 2^26, |q / m_a0| <= 2^28. Scales are Q16 fractions from operands in
+//! |tilt| <= 2^23. Ratios t within +-16, in i16 with 10 to 15 fraction bits; a product with a tilt
+//! keeps 2^9 less of them (|.| < 2^29) and their sum is rounded once: |q| <= 2^28, low by at most
+//! 1/2 + 1/32 ulp. Limits within +-2^27. Scales are Q16 fractions from operands in
 //! quarters of an LSB up to 2^22 ([`fixed::ratio_q16`]), rounded down so that the result is inside.
-//! Limits are relative to the flat map.
 
-use crate::fixed::{self, LENGTH_BITS};
+use crate::error::{ConfigError, Field};
+use crate::fixed::{self, TILT_LIMIT};
+use serde::{Deserialize, Serialize};
 
 /// Actuators of a segment.
 pub const ACTUATORS: usize = 3;
 
-/// Fraction bits of the segment matrix.
-pub(crate) const MATRIX_BITS: u32 = 13;
+/// Fraction bits of an actuator's height per piston.
+pub(crate) const INFLUENCE_BITS: u32 = 13;
+
+/// Fraction bits that the ratios have at least, and at most.
+pub(crate) const RATIO_BITS: (u32, u32) = (10, 15);
+
+/// Bits that a product of a ratio and a tilt drops at once, so that it fits 32.
+const DROPPED: u32 = 9;
+
+/// Farthest limit from flat, ulp: the stroke, 2^25, at an influence of a quarter.
+const FARTHEST: i32 = 1 << 27;
 
 /// One segment's mechanics.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Segment {
-    /// Rows: actuators; columns: piston, tip, tilt. Q13.
-    pub(crate) matrix: [[i16; 3]; ACTUATORS],
-    /// 1 / m_a0, Q13.
-    pub(crate) inverse_piston: [u16; ACTUATORS],
-    /// Height of each actuator when the segment is flat, LSB.
-    pub(crate) flat: [u16; ACTUATORS],
-    /// Lowest height of each actuator, LSB.
-    pub(crate) lowest: [u16; ACTUATORS],
-    /// Highest height of each actuator, LSB.
-    pub(crate) highest: [u16; ACTUATORS],
+    /// Height per tip and per tilt over height per piston, in [`Travel::ratio_bits`].
+    pub(crate) ratios: [[i16; 2]; ACTUATORS],
+    /// Height per piston, Q13, 1/4 to 4, rounded up.
+    pub(crate) influence: [u16; ACTUATORS],
+    /// Lowest height of each actuator, ulp of piston relative to flat: 0 or less.
+    pub(crate) lowest: [i32; ACTUATORS],
+    /// Highest height of each actuator, ulp of piston relative to flat: 0 or more.
+    pub(crate) highest: [i32; ACTUATORS],
+}
+
+/// What the motion of all segments has in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Travel {
+    /// Fraction bits of the ratios, 10 to 15.
+    pub(crate) ratio_bits: u32,
+    /// Greatest motion of any actuator, ulp of its height per frame.
+    pub(crate) slew_ulp: i32,
+    /// Whether some tip/tilt is beyond what some segment reaches with any piston.
+    pub(crate) tilts_shrink: bool,
+    /// Whether some motion between two limits is longer than `slew_ulp`.
+    pub(crate) slews: bool,
 }
 
 /// Piston, tip and tilt of a segment, ulp.
@@ -70,117 +100,159 @@ pub(crate) struct Limited {
 pub(crate) struct Move {
     /// Position after all limits.
     pub(crate) position: Position,
-    /// Heights above each actuator's zero, ulp, within `lowest ..= highest`.
-    pub(crate) heights_ulp: [u32; ACTUATORS],
+    /// Heights relative to flat, ulp of piston, within `lowest ..= highest`.
+    pub(crate) heights_ulp: [i32; ACTUATORS],
     /// What had to give way.
     pub(crate) limited: Limited,
 }
 
-impl Segment {
-    /// Heights relative to flat of a position, ulp.
+/// What a tip/tilt leaves to the piston.
+#[derive(Clone, Copy)]
+struct Room {
+    /// Height of each actuator at piston 0.
+    tilted: [i32; ACTUATORS],
+    /// Least and greatest piston for each actuator.
+    pistons: [(i32, i32); ACTUATORS],
+}
+
+impl Room {
+    /// Least and greatest piston for all of them; crossed where none will do.
     #[inline(always)]
-    fn heights(&self, position: Position) -> [i32; ACTUATORS] {
-        let Position { piston_ulp, tilt_ulp: [tip, tilt] } = position;
-        self.matrix.map(|[m0, m1, m2]| {
-            let sum = i64::from(m0) * i64::from(piston_ulp)
-                + i64::from(m1) * i64::from(tip)
-                + i64::from(m2) * i64::from(tilt);
-            fixed::round_shift(sum, MATRIX_BITS) as i32
-        })
-    }
-
-    /// Lower and upper limits relative to flat, ulp.
-    #[inline(always)]
-    fn limits(&self) -> [(i32, i32); ACTUATORS] {
-        let relative = |limit: u16, flat: u16| (i32::from(limit) - i32::from(flat)) << LENGTH_BITS;
-        let ([f0, f1, f2], [l0, l1, l2], [h0, h1, h2]) = (self.flat, self.lowest, self.highest);
-        [(l0, h0, f0), (l1, h1, f1), (l2, h2, f2)]
-            .map(|(low, high, flat)| (relative(low, flat), relative(high, flat)))
-    }
-
-    /// A height divided by each actuator's piston influence.
-    #[inline(always)]
-    fn as_piston(&self, heights: [i32; ACTUATORS]) -> [i32; ACTUATORS] {
-        let ([a, b, c], [ia, ib, ic]) = (heights, self.inverse_piston);
-        let [[ma, ..], [mb, ..], [mc, ..]] = self.matrix;
-        [(a, ia, ma), (b, ib, mb), (c, ic, mc)].map(|(height, inverse, influence)| {
-            let inverse = refine(inverse, influence);
-            fixed::round_shift(i64::from(height) * inverse, 2 * MATRIX_BITS) as i32
-        })
-    }
-
-    /// Limits as pistons, and the tilt part of each height as a piston.
-    #[inline(always)]
-    fn pistons(&self, tilt_ulp: [i32; 2]) -> [(i32, i32, i32); ACTUATORS] {
-        let limits = self.limits();
-        let [l0, l1, l2] = self.as_piston(limits.map(|(low, _)| low));
-        let [h0, h1, h2] = self.as_piston(limits.map(|(_, high)| high));
-        let [q0, q1, q2] = self.as_piston(self.heights(Position { piston_ulp: 0, tilt_ulp }));
-        [(l0, h0, q0), (l1, h1, q1), (l2, h2, q2)]
-    }
-
-    /// Moves from `previous` towards `target` within limits; `slew_ulp` bounds the motion of any
-    /// actuator, ulp per frame.
-    #[inline]
-    pub(crate) fn advance(&self, previous: Position, target: Position, slew_ulp: i32) -> Move {
-        let limits = self.limits();
-        let wanted = self.heights(target);
-        let saturated = count(wanted, limits, |h, (low, high)| h < low || h > high);
-
-        let reachable = self.reach(target);
-        let from = self.heights(previous);
-        let to = self.heights(reachable);
-        let [(f0, t0), (f1, t1), (f2, t2)] = pairs(from, to);
-        let steps = [t0.wrapping_sub(f0), t1.wrapping_sub(f1), t2.wrapping_sub(f2)];
-        let slewed = count(steps, limits, |step, _| step.unsigned_abs() > slew_ulp as u32);
-        let longest = steps.into_iter().fold(0, |longest, step| longest.max(step.unsigned_abs()));
-        let position = towards(previous, reachable, scale(slew_ulp, longest as i32));
-
-        let [(h0, l0), (h1, l1), (h2, l2)] = pairs(self.heights(position), limits);
-        let [f0, f1, f2] = self.flat.map(|flat| u32::from(flat) << LENGTH_BITS);
-        // Inside by construction but for the rounding of the last products.
-        let heights_ulp = [(h0, l0, f0), (h1, l1, f1), (h2, l2, f2)]
-            .map(|(h, (low, high), flat)| flat.wrapping_add_signed(h.max(low).min(high)));
-        Move { position, heights_ulp, limited: Limited { saturated, slewed } }
-    }
-
-    /// The nearest reachable position by priority: tip/tilt first, then piston.
-    #[inline]
-    fn reach(&self, target: Position) -> Position {
-        let [a, b, c] = self.pistons(target.tilt_ulp);
-        // From actuator a's lower limit to b's upper one: what is there, and what tilt takes.
-        let scale = [(a, b), (b, a), (a, c), (c, a), (b, c), (c, b)]
-            .into_iter()
-            .map(|((low, _, q_low), (_, high, q_high))| {
-                scale(high.wrapping_sub(low), q_high.wrapping_sub(q_low))
-            })
-            .fold(1 << 16, u32::min);
-        let tilt_ulp = target.tilt_ulp.map(|tilt| shrink(tilt, scale));
-        let bounds = self.pistons(tilt_ulp);
-        let low = bounds.into_iter().fold(i32::MIN, |p, (low, _, q)| p.max(low.wrapping_sub(q)));
-        let high = bounds.into_iter().fold(i32::MAX, |p, (_, high, q)| p.min(high.wrapping_sub(q)));
-        // Rounding can leave low one ulp above high when the interval is a point.
-        let piston_ulp = target.piston_ulp.min(high).max(low.min(high));
-        Position { piston_ulp, tilt_ulp }
+    fn interval(&self) -> (i32, i32) {
+        let [(l0, h0), (l1, h1), (l2, h2)] = self.pistons;
+        (l0.max(l1).max(l2), h0.min(h1).min(h2))
     }
 }
 
-/// 1 / influence in Q26 from a Q13 approximation: one step of Newton's, r (2 - m r), takes its
-/// relative error from 2^-12 to 2^-24.
+impl Segment {
+    /// Refuses what breaks the bounds of the module.
+    pub(crate) fn check(&self, i: usize) -> Result<(), ConfigError> {
+        for influence in self.influence {
+            let value = f64::from(influence) / f64::from(1u32 << INFLUENCE_BITS);
+            ConfigError::check(Field::SegmentMatrix, Some(i), value, (0.25, 4.0))?;
+        }
+        let far = f64::from(FARTHEST);
+        for (low, high) in self.lowest.into_iter().zip(self.highest) {
+            ConfigError::check(Field::HeightLimits, Some(i), low.into(), (-far, 0.0))?;
+            ConfigError::check(Field::HeightLimits, Some(i), high.into(), (0.0, far))?;
+        }
+        Ok(())
+    }
+
+    /// Whether some tip and tilt within their limits has no piston.
+    fn can_shrink(&self, ratio_bits: u32) -> bool {
+        let rows = self.ratios.iter().zip(&self.lowest);
+        rows.into_iter().any(|([ax, ay], &low)| {
+            self.ratios.iter().zip(&self.highest).any(|([bx, by], &high)| {
+                let steepest = i64::from(ax.abs_diff(*bx)) + i64::from(ay.abs_diff(*by));
+                // Each q is off by less than one.
+                let taken = ((steepest * i64::from(TILT_LIMIT)) >> ratio_bits) + 3;
+                steepest > 0 && taken > i64::from(high) - i64::from(low)
+            })
+        })
+    }
+
+    /// Whether some actuator's whole range is more than a frame's motion.
+    fn can_slew(&self, slew_ulp: i32) -> bool {
+        let ranges = self.lowest.iter().zip(&self.highest).zip(&self.influence);
+        ranges.into_iter().any(|((&low, &high), &influence)| {
+            motion(high.wrapping_sub(low), influence) > slew_ulp.unsigned_abs()
+        })
+    }
+
+    #[inline(always)]
+    fn room(&self, tilt_ulp: [i32; 2], ratio_bits: u32) -> Room {
+        let [tip, tilt] = tilt_ulp.map(|t| t.wrapping_shl(16 - DROPPED));
+        let (rest, half) = (ratio_bits - DROPPED, (1 << (ratio_bits - DROPPED)) >> 1);
+        let product = |t: i16, tilt: i32| ((i64::from(t) * i64::from(tilt)) >> 16) as i32;
+        let tilted = self.ratios.map(|[tx, ty]| {
+            product(tx, tip).wrapping_add(product(ty, tilt)).wrapping_add(half) >> rest
+        });
+        let ([l0, l1, l2], [h0, h1, h2]) = (self.lowest, self.highest);
+        let [q0, q1, q2] = tilted;
+        let pistons = [(l0, h0, q0), (l1, h1, q1), (l2, h2, q2)]
+            .map(|(low, high, q)| (low.wrapping_sub(q), high.wrapping_sub(q)));
+        Room { tilted, pistons }
+    }
+
+    /// Moves from `previous`, with actuators at `from_ulp`, towards `target` within limits.
+    #[inline(always)]
+    pub(crate) fn advance(
+        &self,
+        previous: Position,
+        from_ulp: [i32; ACTUATORS],
+        target: Position,
+        travel: &Travel,
+    ) -> Move {
+        let mut position = target;
+        let mut room = self.room(target.tilt_ulp, travel.ratio_bits);
+        let wanted = target.piston_ulp;
+        let beyond =
+            room.pistons.map(|(low, high)| u32::from(wanted < low) | u32::from(wanted > high));
+        let saturated = beyond.into_iter().sum();
+        if travel.tilts_shrink {
+            let scale = self.tilt_scale(&room);
+            position.tilt_ulp = target.tilt_ulp.map(|tilt| shrink(tilt, scale));
+            room = self.room(position.tilt_ulp, travel.ratio_bits);
+        }
+        let (low, high) = room.interval();
+        // Rounding can leave low one ulp above high when the interval is a point.
+        position.piston_ulp = wanted.min(high).max(low.min(high));
+        let mut slewed = 0;
+        if travel.slews {
+            let heights = room.tilted.map(|q| position.piston_ulp.wrapping_add(q));
+            let steps = pairs(heights, from_ulp).map(|(to, from)| to.wrapping_sub(from));
+            let motions = pairs(steps, self.influence).map(|(step, m)| motion(step, m));
+            slewed = motions.into_iter().map(|m| u32::from(m > travel.slew_ulp as u32)).sum();
+            let longest = motions.into_iter().fold(0, u32::max);
+            position = towards(previous, position, scale(travel.slew_ulp, longest as i32));
+            room = self.room(position.tilt_ulp, travel.ratio_bits);
+        }
+        let limits = pairs(pairs(self.lowest, self.highest), room.tilted);
+        // Inside by construction but for the rounding of the last products.
+        let heights_ulp =
+            limits.map(|((low, high), q)| position.piston_ulp.wrapping_add(q).max(low).min(high));
+        Move { position, heights_ulp, limited: Limited { saturated, slewed } }
+    }
+
+    /// The part of a tip/tilt that exactly one piston makes reachable, Q16, at most 1.
+    #[inline]
+    fn tilt_scale(&self, room: &Room) -> u32 {
+        let [a, b, c] = pairs(pairs(self.lowest, self.highest), room.tilted);
+        // From one actuator's lower limit to the other's upper one: what is there, and what the
+        // tilt takes.
+        [(a, b), (b, a), (a, c), (c, a), (b, c), (c, b)]
+            .into_iter()
+            .map(|(((low, _), q_low), ((_, high), q_high))| {
+                scale(high.wrapping_sub(low), q_high.wrapping_sub(q_low))
+            })
+            .fold(1 << 16, u32::min)
+    }
+}
+
+impl Travel {
+    /// What these segments can run into.
+    pub(crate) fn new(ratio_bits: u32, slew_ulp: i32, segments: &[Segment]) -> Self {
+        Self {
+            ratio_bits,
+            slew_ulp,
+            tilts_shrink: segments.iter().any(|segment| segment.can_shrink(ratio_bits)),
+            slews: segments.iter().any(|segment| segment.can_slew(slew_ulp)),
+        }
+    }
+}
+
+/// Length of a step of `step_ulp` of piston in its actuator's own height, ulp, below 2^30: rounded up,
+/// with an ulp for the rounding of both heights, so that no actuator is ever faster than its limit.
 #[inline(always)]
-fn refine(inverse: u16, influence: i16) -> i64 {
-    let r = i64::from(inverse);
-    (r << (MATRIX_BITS + 1)) - ((i64::from(influence) * r * r) >> MATRIX_BITS)
+fn motion(step_ulp: i32, influence: u16) -> u32 {
+    let product = u64::from(step_ulp.unsigned_abs() + 1) * u64::from(influence);
+    ((product + (1 << INFLUENCE_BITS) - 1) >> INFLUENCE_BITS) as u32
 }
 
 #[inline(always)]
 fn pairs<A: Copy, B: Copy>([a0, a1, a2]: [A; 3], [b0, b1, b2]: [B; 3]) -> [(A, B); 3] {
     [(a0, b0), (a1, b1), (a2, b2)]
-}
-
-#[inline(always)]
-fn count<A: Copy, B: Copy>(a: [A; 3], b: [B; 3], rule: impl Fn(A, B) -> bool) -> u32 {
-    pairs(a, b).into_iter().map(|(a, b)| u32::from(rule(a, b))).sum()
 }
 
 /// `room / need` in Q16, at most 1, rounded down; 1 where nothing is needed.

@@ -12,9 +12,10 @@
 
 use crate::centroid::Measurement;
 use crate::fixed::{self, CENTROID_BITS, TILT_LIMIT};
+use serde::{Deserialize, Serialize};
 
 /// What is done with the mean slope over the valid subapertures.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum MeanSlope {
     /// Removed, of slopes and of commands: SPLASH cannot see a global tilt.
     #[default]
@@ -24,7 +25,7 @@ pub enum MeanSlope {
 }
 
 /// The slope calibration of one subaperture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct SlopeCalibration {
     /// Reference slope, Q16 pixels.
     pub(crate) reference_q16: [i32; 2],

@@ -44,8 +44,8 @@ pub struct SorConfig<const M: usize> {
     pub(crate) warm_sweeps: u16,
     /// Sweeps of the first frame after a reset.
     pub(crate) cold_sweeps: u16,
-    /// Floor of 2^24 / size of each connected component.
-    pub(crate) inverse_sizes: heapless::Vec<u32, M>,
+    /// Subapertures of each connected component.
+    pub(crate) sizes: heapless::Vec<u16, M>,
 }
 
 /// What a node's neighbourhood looks like, in one byte: degree in bits 0-2, n_w - n_e + 1 in
@@ -99,7 +99,7 @@ impl<const M: usize> SorConfig<M> {
         links: RedBlack::new(Links::NONE),
         warm_sweeps: 0,
         cold_sweeps: 0,
-        inverse_sizes: heapless::Vec::new(),
+        sizes: heapless::Vec::new(),
     };
 }
 
@@ -195,7 +195,8 @@ impl<const M: usize> Sor<M> {
                 *sum = sum.wrapping_add(i64::from(p));
             }
         }
-        for (sum, &inverse) in self.means.iter_mut().zip(&config.inverse_sizes) {
+        for (sum, &size) in self.means.iter_mut().zip(&config.sizes) {
+            let inverse = (1 << 24) / u32::from(size.max(1));
             *sum = fixed::round_shift(sum.wrapping_mul(i64::from(inverse)), 24);
         }
         for node in nodes {

@@ -72,11 +72,10 @@ pub(crate) fn control(spec: &Spec<'_>) -> Result<ControlConfig, ConfigError> {
 
 /// The number of windows that one row can meet, if their pixels fit the buffer where they need to.
 pub(crate) fn buffer<const B: usize>(
-    spec: &Spec<'_>,
     estimator: &EstimatorConfig,
+    size: u16,
+    origins: &[[u16; 2]],
 ) -> Result<usize, ConfigError> {
-    let size = u16::from(spec.windows.size);
-    let origins = spec.windows.origins;
     let meets = |row: u16| origins.iter().filter(|[_, y]| *y <= row && row - *y < size).count();
     let concurrent = origins.iter().map(|&[_, y]| meets(y)).max().unwrap_or(0);
     if let EstimatorConfig::Brightest { .. } = estimator {

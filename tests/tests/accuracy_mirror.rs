@@ -186,19 +186,19 @@ fn heights_stay_within_limits() {
     }
 }
 
-/// What the stored 1 / m_a0 (Q13) leaves of the limits, ulp: nothing of a piston column of ones.
+/// Rounding of limits (inwards, by less than one) and of heights (half an ulp and a 32nd), ulp of
+/// piston, as heights of the actuator that moves most.
 fn slack(segment: &Segment) -> f64 {
-    let is_one = segment.heights([1.0, 0.0, 0.0]).iter().all(|&m| m == 1.0);
-    let limits = largest(segment.limits.concat());
-    // Half a part in 2^13, of limit and tilt part, in units of height at up to twice the piston.
-    if is_one { 2.0 } else { 2.0 + 2.0 * 2.0 * limits / f64::from(1 << 14) }
+    2.0 * largest(segment.heights([1.0, 0.0, 0.0]))
 }
 
-/// How far a code is from the law's for a height, which is rounded to an ulp: near code 0 of a
-/// quadratic drive half an ulp is several codes.
+/// How far a code is from the law's for a height, which is rounded to an ulp of piston (half of it
+/// and a 32nd): near code 0 of a quadratic drive half an ulp is several codes.
 fn code_error(segment: &Segment, actuator: usize, height: f64, code: u16) -> f64 {
     let [low, high] = segment.limits[actuator];
-    let ends = [-0.5, 0.5].map(|ulp| segment.code(actuator, (height + ulp).clamp(low, high)));
+    let rounding = segment.heights([1.0, 0.0, 0.0])[actuator] * (0.5 + 1.0 / 32.0);
+    let ends =
+        [-rounding, rounding].map(|ulp| segment.code(actuator, (height + ulp).clamp(low, high)));
     let code = f64::from(code);
     f64::max(ends[0].min(ends[1]) - code, code - ends[0].max(ends[1]))
 }
@@ -276,7 +276,7 @@ fn tip_and_tilt_have_priority() {
                 let (target, to) = ([m.target[1], m.target[2]], [m.to[1], m.to[2]]);
                 let scale = segment.scale(target);
                 if to == target {
-                    // Less what the stored inverses of the piston column take.
+                    // Less what rounding takes.
                     assert!(segment.room(target) >= -2.0 * slack(segment));
                     kept += 1;
                 } else {

@@ -25,8 +25,9 @@ pub struct Segment {
 }
 
 impl Segment {
-    /// Segment `i` of `instrument`. Stored are the matrix in Q13 and the heights in whole LSB,
-    /// limits rounded inwards to at most 65535.
+    /// Segment `i` of `instrument`. Stored are each row of the matrix over its first entry, with 10
+    /// to 15 fraction bits, as many as fit all segments, and the heights in whole LSB, limits
+    /// rounded inwards to at most 65535.
     pub fn new(instrument: &Instrument, i: usize, numbers: Numbers) -> Self {
         let lsb_m = instrument.stroke_m / STROKE_LSB;
         let is_stored = numbers == Numbers::Stored;
@@ -38,9 +39,19 @@ impl Segment {
             [lsb(low, &f64::ceil), lsb(high, &|h| f64::min(h.floor(), STROKE_LSB - 1.0))]
         });
         limits.iter_mut().zip(flat).for_each(|(l, flat)| *l = l.map(|l| l - flat));
-        let entry = |m: f64| if is_stored { stored(m, 13) } else { m };
+        let steepness = |[piston, tip, tilt]: [f64; 3]| f64::max(tip.abs(), tilt.abs()) / piston;
+        let matrices = (0..instrument.count()).flat_map(|i| instrument.matrix.at(i));
+        let steepest = matrices.map(steepness).fold(0.0, f64::max);
+        let bits = (10..=15).rev().find(|bits| steepest * f64::powi(2.0, *bits) < 32767.0);
+        let entry = |m: f64, piston: f64| match bits {
+            Some(bits) if is_stored => piston * stored(m / piston, bits),
+            _ => m,
+        };
         Self {
-            matrix: instrument.matrix.at(i).map(|row| row.map(entry)),
+            matrix: instrument
+                .matrix
+                .at(i)
+                .map(|[piston, tip, tilt]| [piston, entry(tip, piston), entry(tilt, piston)]),
             limits,
             flat,
             response: instrument.response_m.at(i).map(|ends| ends.map(|m| m / lsb_m * ULP_PER_LSB)),
