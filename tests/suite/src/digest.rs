@@ -2,26 +2,36 @@
 
 use core::fmt;
 
-use sha2::{Digest as _, Sha256};
+use crc::{CRC_64_XZ, Crc};
+use splash_firmware::config::Config;
 
-/// The first eight bytes of the SHA-256 of everything that a stage computed in a case.
+static CRC: Crc<u64> = Crc::<u64>::new(&CRC_64_XZ);
+
+/// The CRC-64/XZ of everything that a stage computed in a case.
 ///
-/// They are to tell a bit that fell differently, not an adversary: two results that differ agree
-/// in 64 bits once in 2^64, and a line of them can still be read.
+/// It is to tell bits that fell differently, not an adversary. Any difference within 64 bits in a row
+/// changes it, any other but for one in 2^64; and it costs a soft core little code and time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Digest([u8; 8]);
+pub struct Digest(u64);
 
 impl fmt::Display for Digest {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+        write!(f, "{:016x}", self.0)
     }
 }
 
 /// A digest that is being made. Integers go in little-endian.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Hasher(Sha256);
+pub(crate) struct Hasher(crc::Digest<'static, u64>);
+
+impl Default for Hasher {
+    fn default() -> Self {
+        Self(CRC.digest())
+    }
+}
 
 impl Hasher {
+    /// Not inlined: it is called in many places, and a board's code memory is small.
+    #[inline(never)]
     pub(crate) fn bytes(&mut self, bytes: &[u8]) {
         self.0.update(bytes);
     }
@@ -43,20 +53,15 @@ impl Hasher {
     }
 
     pub(crate) fn finish(self) -> Digest {
-        let [a, b, c, d, e, f, g, h, ..] = self.0.finalize().0;
-        Digest([a, b, c, d, e, f, g, h])
+        Digest(self.0.finalize())
     }
 }
 
-use splash_firmware::config::Config;
-
-/// What a specification became.
+/// What a specification became: the image of the configuration.
 pub(crate) fn configuration<const M: usize, const P: usize, const B: usize>(
     config: &Config<M, P, B>,
 ) -> Digest {
     let mut hasher = Hasher::default();
-    for value in [config.omega(), config.ulp_m(), config.adu_per_unit()] {
-        hasher.u64(value.to_bits());
-    }
+    config.save(&mut |bytes| hasher.bytes(bytes));
     hasher.finish()
 }

@@ -9,7 +9,7 @@ use crate::generator::Generator;
 use crate::instrument::Instrument;
 use crate::maps::{Maps, PLACES};
 use crate::scene::{Light, Scene};
-use crate::stages::Stages;
+use crate::stages::{Stage, Stages};
 
 /// Number of a case's first frame: the third is number 0.
 const FIRST: u32 = u32::MAX - 1;
@@ -37,7 +37,7 @@ pub(crate) enum Event {
     Wrong,
     /// Two rows, or a second list, come after the last.
     Extra,
-    /// It begins again after its third row.
+    /// It begins again after its third row, or after its list.
     Restart,
     /// It never begins.
     NotBegun,
@@ -56,6 +56,8 @@ pub(crate) struct Case {
     pub(crate) input: Input,
     pub(crate) frames: u32,
     pub(crate) events: &'static [Event],
+    /// The stages it is about.
+    pub(crate) shown: &'static [Stage],
 }
 
 /// Where frames come from.
@@ -82,12 +84,11 @@ pub(crate) fn play<const M: usize, const P: usize, const B: usize>(
     pipeline: &mut Pipeline<M, B>,
     source: &mut Source,
 ) -> Stages {
-    let numbers = &mut Generator::new(case.frames);
+    let numbers = &mut Generator::new(seed(instrument.name, case.name));
     let mut stages = Stages::default();
     pipeline.reset(config);
     for k in 0..case.frames {
-        let event = usize::try_from(k).ok().and_then(|k| case.events.get(k)).copied();
-        let event = event.unwrap_or(Event::None);
+        let event = case.events.get(k as usize).copied().unwrap_or(Event::None);
         let number = FIRST.wrapping_add(k);
         match event {
             Event::Tilt(tilt_ulp) => {
@@ -110,6 +111,12 @@ pub(crate) fn play<const M: usize, const P: usize, const B: usize>(
     stages
 }
 
+/// From the names, so that a new case changes no other.
+fn seed(instrument: &str, case: &str) -> u32 {
+    let bytes = instrument.bytes().chain(case.bytes());
+    bytes.fold(0, |seed, byte| seed.wrapping_mul(31).wrapping_add(byte.into()))
+}
+
 /// One frame on its way in.
 struct Frame<'a, const M: usize, const P: usize, const B: usize> {
     instrument: &'a Instrument,
@@ -129,7 +136,7 @@ impl<const M: usize, const P: usize, const B: usize> Frame<'_, M, P, B> {
             Event::Extra => height + 2,
             _ => height,
         };
-        scene.begin(light, k, numbers);
+        scene.begin(self.instrument, light, (k, self.config.subapertures()), numbers);
         if self.event == Event::Restart {
             for y in 0..3 {
                 let row = scene.row(self.instrument, self.maps.origins(), light, y, numbers);
@@ -174,8 +181,13 @@ impl<const M: usize, const P: usize, const B: usize> Frame<'_, M, P, B> {
         }
         let mut push = || self.pipeline.push_measurements(self.config, list);
         self.stages.pushed(push());
-        if self.event == Event::Extra {
-            self.stages.pushed(push());
+        match self.event {
+            Event::Extra => self.stages.pushed(push()),
+            Event::Restart => {
+                self.pipeline.begin(self.config, FIRST.wrapping_add(k));
+                self.stages.pushed(self.pipeline.push_measurements(self.config, list));
+            }
+            _ => (),
         }
     }
 }

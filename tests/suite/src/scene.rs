@@ -5,7 +5,7 @@ use crate::instrument::Instrument;
 use crate::maps::PLACES;
 
 /// Widest row, pixels.
-pub(crate) const ROW: usize = 160;
+const ROW: usize = 160;
 
 /// What lights the detector.
 #[derive(Clone, Copy, Debug)]
@@ -21,8 +21,9 @@ pub(crate) enum Light {
 /// Spots with the profile of a squared triangle in each direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spots {
-    /// Brightest signal, ADU; each spot has from a half of it to all.
-    pub(crate) peak_adu: u32,
+    /// Brightest signal, 1/256 of the detector's range, up to 512; each spot has from a half of it
+    /// to all.
+    pub(crate) peak: u32,
     /// Half of a spot's base, as a power of two of pixels; 0 to 4.
     pub(crate) radius: u32,
     /// Farthest centre from the window's, in both directions, pixels in Q8.
@@ -32,10 +33,6 @@ pub(crate) struct Spots {
     /// One window in so many is dark, others every second frame; 0 for none.
     pub(crate) dead: u32,
 }
-
-/// Bright, quiet, in the middle half of its window.
-pub(crate) const BRIGHT: Spots =
-    Spots { peak_adu: 2500, radius: 2, wander_q8: 384, noise_adu: 2, dead: 0 };
 
 /// One spot of the frame.
 #[derive(Clone, Copy, Debug)]
@@ -56,13 +53,20 @@ impl Scene {
         Self { spots: [Spot { centre_q8: [0; 2], peak_adu: 0 }; PLACES], row: [0; ROW] }
     }
 
-    /// Places the spots of frame `frame`.
-    pub(crate) fn begin(&mut self, light: Light, frame: u32, numbers: &mut Generator) {
+    /// Places the `count` spots of frame `frame`.
+    pub(crate) fn begin(
+        &mut self,
+        instrument: &Instrument,
+        light: Light,
+        (frame, count): (u32, usize),
+        numbers: &mut Generator,
+    ) {
         let Light::Spots(spots) = light else { return };
-        for (i, spot) in (0u32..).zip(&mut self.spots) {
+        let peak_adu = (spots.peak * top(instrument)) >> 8;
+        for (i, spot) in (0u32..).zip(self.spots.iter_mut().take(count)) {
             let wander = spots.wander_q8;
             let centre_q8 = [(); 2].map(|()| numbers.between(-wander, wander));
-            let bright = (spots.peak_adu * (128 + numbers.below(129))) >> 8;
+            let bright = (peak_adu * (128 + numbers.below(129))) >> 8;
             let dead = spots.dead > 0 && i % spots.dead == (frame / 2) % spots.dead;
             *spot = Spot { centre_q8, peak_adu: if dead { 0 } else { bright } };
         }
@@ -78,7 +82,7 @@ impl Scene {
         numbers: &mut Generator,
     ) -> &[u16] {
         let [width, _] = instrument.detector();
-        let top = (1u32 << instrument.bits) - 1;
+        let top = top(instrument);
         let dark = u32::from(instrument.dark_adu);
         let row = self.row.get_mut(..usize::from(width)).unwrap_or_default();
         match light {
@@ -125,6 +129,11 @@ impl Spot {
             *pixel = ((height * profile(x, cx)) >> 8).min(u32::from(u16::MAX)) as u16;
         }
     }
+}
+
+/// The highest raw value, ADU.
+fn top(instrument: &Instrument) -> u32 {
+    (1 << instrument.bits) - 1
 }
 
 /// Nearly normal noise with a standard deviation of 148: the sum of four uniform bytes less its

@@ -4,12 +4,40 @@ use splash_firmware::pipeline::{Hold, Outcome, Pipeline, Progress, Report, RowEr
 
 use crate::digest::{Digest, Hasher};
 
-/// The stages in the order in which a frame meets them: the first that differs is the cause.
-const STAGES: [&str; 6] = ["measurements", "slopes", "commands", "positions", "codes", "reports"];
+/// What a case shows, in the order in which a frame meets it: the first that differs is the cause.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Stage {
+    Measurements,
+    Slopes,
+    Commands,
+    Positions,
+    Codes,
+    /// Progress, reports and totals.
+    Reports,
+}
+
+use Stage::{Codes, Commands, Measurements, Positions, Reports, Slopes};
+
+/// All of them.
+pub(crate) const ALL: &[Stage] = &[Measurements, Slopes, Commands, Positions, Codes, Reports];
+
+impl Stage {
+    /// As it is in a line.
+    const fn name(self) -> &'static str {
+        match self {
+            Measurements => "measurements",
+            Slopes => "slopes",
+            Commands => "commands",
+            Positions => "positions",
+            Codes => "codes",
+            Reports => "reports",
+        }
+    }
+}
 
 /// The digests of one case, being made.
-#[derive(Debug, Default)]
-pub(crate) struct Stages([Hasher; STAGES.len()]);
+#[derive(Default)]
+pub(crate) struct Stages([Hasher; ALL.len()]);
 
 impl Stages {
     /// Adds all that can be read after a frame.
@@ -52,12 +80,17 @@ impl Stages {
         }
     }
 
-    /// Adds the totals, and hands over each stage with its digest.
-    pub(crate) fn finish(self, totals: Totals, mut each: impl FnMut(&'static str, Digest)) {
-        let [rest @ .., mut reports] = self.0;
-        add_totals(&mut reports, totals);
-        for (stage, hasher) in STAGES.into_iter().zip(rest.into_iter().chain([reports])) {
-            each(stage, hasher.finish());
+    /// Adds the totals, and hands over each of the stages in `shown` with its digest.
+    pub(crate) fn finish(
+        mut self,
+        totals: Totals,
+        shown: &[Stage],
+        mut each: impl FnMut(&'static str, Digest),
+    ) {
+        let [.., reports] = &mut self.0;
+        add_totals(reports, totals);
+        for (stage, hasher) in ALL.iter().zip(self.0).filter(|(stage, _)| shown.contains(stage)) {
+            each(stage.name(), hasher.finish());
         }
     }
 }
