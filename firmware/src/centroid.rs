@@ -5,16 +5,16 @@
 //!
 //! ```text
 //! I  = sum s                < 2^26 (1024 pixels of 16 bits); weighted, < 2^42
-//! Mx = sum s (2x - (W-1))   < 2^30 (65535 x 32 x 512); weighted, < 2^46
+//! Mx = sum s (2x - (W-1))   <= 2^30 (65535 x 32 x 512); weighted, < 2^46
 //! cx = Mx 2^15 / I          i32, Q16 pixels, within 1 ulp of the exact quotient
 //! ```
 //!
 //! The sums stream: a window's row is added as it arrives and nothing is kept of it, except for
-//! brightest-n, which buffers its window. Sums are exact: 32 bits over a row, 64 over a window.
+//! brightest-n, which buffers its window. Sums are exact: 32 bits, 64 where they are weighted.
 //! A weighted sum is shifted down to 26 bits together with its moments before it is divided by: the
 //! weights are two products of 8 bits, and rounding each would cost what faint spots are made of.
-//! The reciprocal of I is one fixed sequence of divisions
-//! ([`fixed::reciprocal`]); a window without signal divides by one and yields zero, and its flux
+//! The reciprocal of I is one fixed sequence of divisions, two where I has at most 20 bits by
+//! configuration and four otherwise ([`fixed::reciprocal`], [`fixed::short_reciprocal`]); a window without signal divides by one and yields zero, and its flux
 //! marks it as invalid.
 //!
 //! | estimator | threshold | passes |
@@ -25,7 +25,7 @@
 //! | brightest-n | the (n+1)-th brightest pixel of the window | one a signal bit |
 
 use crate::fixed::{self, CENTROID_BITS};
-use crate::pixels::{self, BankRow, Cut, RowPixels, Seen};
+use crate::pixels::{self, BankRow, Cut, Seen, WATCHED};
 use serde::{Deserialize, Serialize};
 
 /// Largest window, pixels on a side.
@@ -54,9 +54,10 @@ pub struct Measurement {
     /// Sum of the thresholded signal, calibrated units; with the weighted estimator, of the
     /// weighted signal.
     pub flux: u32,
-    /// Brightest calibrated pixel, before the moving threshold.
+    /// Brightest pixel of the watched rows that passed its threshold, before the moving one is taken
+    /// off; 0 if none passed.
     pub peak: u16,
-    /// Pixels at or above the saturation level.
+    /// Pixels of the watched rows at or above the saturation level.
     pub saturated: u16,
 }
 
@@ -64,54 +65,84 @@ pub struct Measurement {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Moments {
     /// I.
-    pub(crate) sum: u64,
+    pub(crate) sum: u32,
     /// Mx, half pixels.
-    pub(crate) x: i64,
+    pub(crate) x: i32,
     /// My, half pixels.
+    pub(crate) y: i32,
+}
+
+/// Running weighted sums of one window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct WeightedMoments {
+    pub(crate) sum: u64,
+    pub(crate) x: i64,
     pub(crate) y: i64,
-    /// Largest calibrated pixel and saturated pixels so far.
-    pub(crate) seen: Seen,
 }
 
 /// Bits of the divisor of a centroid: those of the largest plain sum.
 const SUM_BITS: u32 = 26;
+/// Bits of a sum for which two divisions give a reciprocal that is good enough.
+pub(crate) const SHORT_SUM_BITS: u32 = 20;
 
 impl Moments {
     /// No signal yet.
-    pub(crate) const ZERO: Self = Self { sum: 0, x: 0, y: 0, seen: Seen::NOTHING };
+    pub(crate) const ZERO: Self = Self { sum: 0, x: 0, y: 0 };
 
-    /// Adds window row `y` with sum `sum` (below 2^37) and x moment `x`.
+    /// Adds window row `y` with sum `sum` (below 2^21) and x moment `x` (within 2^25).
     #[inline(always)]
-    pub(crate) fn add_row(&mut self, window: usize, y: usize, sum: u64, x: i64) {
+    pub(crate) fn add_row(&mut self, window: usize, y: usize, (sum, x): (u32, i32)) {
+        self.sum = self.sum.wrapping_add(sum);
+        self.x = self.x.wrapping_add(x);
+        self.y = self.y.wrapping_add((sum as i32).wrapping_mul(half_pixels(window, y)));
+    }
+
+    /// The centroid of what has been added, Q16 pixels from the window's centre; `short` if the
+    /// sum has at most [`SHORT_SUM_BITS`].
+    #[inline]
+    pub(crate) fn centroid_q16(&self, short: bool) -> [i32; 2] {
+        // 2^43 / 2^28 = 2^48 / 2^33 = 2^15 = 2^16 per half. |M| <= 31 I, so the product stays below
+        // 2^54. A reciprocal that is low by one is low by at most 2^-23 (I / 2^43), or 2^-22
+        // (I / 2^48): of a centroid within 2^20 or 2^21 ulp, less than one.
+        let divided = |[x, y]: [i32; 2], reciprocal: u64, shift: u32| {
+            [x, y].map(|m| {
+                fixed::round_shift(i64::from(m).wrapping_mul(reciprocal as i64), shift) as i32
+            })
+        };
+        if short {
+            divided([self.x, self.y], fixed::short_reciprocal(self.sum), 43 - CENTROID_BITS + 1)
+        } else {
+            divided([self.x, self.y], fixed::reciprocal(self.sum), 48 - CENTROID_BITS + 1)
+        }
+    }
+}
+
+impl WeightedMoments {
+    /// No signal yet.
+    pub(crate) const ZERO: Self = Self { sum: 0, x: 0, y: 0 };
+
+    /// Adds window row `y` with sum `sum` (below 2^37) and x moment `x` (within 2^41).
+    #[inline(always)]
+    pub(crate) fn add_row(&mut self, window: usize, y: usize, (sum, x): (u64, i64)) {
         self.sum = self.sum.wrapping_add(sum);
         self.x = self.x.wrapping_add(x);
         let weighted = (sum as i64).wrapping_mul(i64::from(half_pixels(window, y)));
         self.y = self.y.wrapping_add(weighted);
     }
 
-    /// The centroid of what has been added, Q16 pixels from the window's centre.
+    /// The sums shifted down to what plain ones have at most: the bits lost are below 2^-25 of them.
     #[inline]
-    pub(crate) fn centroid_q16(&self) -> [i32; 2] {
-        // Zero for plain sums. The bits that a weighted sum loses are below 2^-25 of it.
+    pub(crate) fn narrow(&self) -> Moments {
         let excess = (u64::BITS - SUM_BITS).saturating_sub(self.sum.leading_zeros());
-        let reciprocal = fixed::reciprocal((self.sum >> excess) as u32) as i64;
-        // |M| <= 31 I, so the product stays below 2^54; 2^48 / 2^33 = 2^15 = 2^16 per half.
-        const SHIFT: u32 = 48 - (CENTROID_BITS - 1);
-        [self.x, self.y]
-            .map(|m| fixed::round_shift((m >> excess).wrapping_mul(reciprocal), SHIFT) as i32)
+        // |Mx| <= 31 I < 2^31.
+        let [x, y] = [self.x, self.y].map(|m| (m >> excess) as i32);
+        Moments { sum: (self.sum >> excess) as u32, x, y }
     }
 
-    /// The measurement; `weight_bits` is the fraction that weights added to the sums.
+    /// The weighted signal in units of signal.
     #[inline]
-    pub(crate) fn measurement(&self, weight_bits: u32) -> Measurement {
-        let half = (1u64 << weight_bits) >> 1;
-        let RowPixels { peak, saturated } = self.seen.all();
-        Measurement {
-            centroid_q16: self.centroid_q16(),
-            flux: (self.sum.wrapping_add(half) >> weight_bits) as u32,
-            peak,
-            saturated,
-        }
+    pub(crate) fn flux(&self) -> u32 {
+        (self.sum.wrapping_add(1 << (WEIGHT_BITS - 1)) >> WEIGHT_BITS) as u32
     }
 }
 
@@ -122,24 +153,28 @@ fn half_pixels(window: usize, i: usize) -> i32 {
 }
 
 /// Sum and x moment of one window row of signal: below 2^21, and within 2^25.
+///
+/// The moment from running sums, without a multiplication a pixel: they add up to the sum of
+/// (W - x) s.
 #[inline(always)]
-pub(crate) fn row_moments(signal: &[u16]) -> (u64, i64) {
-    let window = signal.len();
-    let (sum, x) = signal.iter().enumerate().fold((0u32, 0i32), |(sum, x), (i, &s)| {
-        let weighted = i32::from(s).wrapping_mul(half_pixels(window, i));
-        (sum.wrapping_add(u32::from(s)), x.wrapping_add(weighted))
+pub(crate) fn row_moments(signal: impl ExactSizeIterator<Item = u32>) -> (u32, i32) {
+    let window = signal.len() as i32;
+    let (sum, running) = signal.fold((0u32, 0u32), |(sum, running), s| {
+        let sum = sum.wrapping_add(s);
+        (sum, running.wrapping_add(sum))
     });
-    (u64::from(sum), i64::from(x))
+    let x = (sum as i32).wrapping_mul(window + 1).wrapping_sub((running as i32).wrapping_mul(2));
+    (sum, x)
 }
 
-/// Sum and x moment of one raw window row.
+/// Sum and x moment of one raw window row; `seen` of a watched row is added to.
 #[inline(always)]
 pub(crate) fn calibrated_row_moments(
     raw: &[u16],
     row: BankRow<'_>,
     cut: Cut,
-    seen: &mut Seen,
-) -> (u64, i64) {
+    seen: Option<&mut Seen>,
+) -> (u32, i32) {
     #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
     if raw.len().is_multiple_of(crate::dsp::sse2::LANES) {
         return crate::dsp::sse2::row_moments(raw, row, cut, seen);
@@ -147,7 +182,48 @@ pub(crate) fn calibrated_row_moments(
     let mut buffer = [0u16; MAX_WINDOW];
     let signal = buffer.get_mut(..raw.len()).unwrap_or_default();
     pixels::signal(raw, row, cut, seen, signal);
-    row_moments(signal)
+    row_moments(signal.iter().map(|&s| u32::from(s)))
+}
+
+/// [`calibrated_row_moments`] of a bank that has only floors.
+#[inline(always)]
+pub(crate) fn floored_row_moments(
+    raw: &[u16],
+    floor: &[u16],
+    cut: Cut,
+    seen: Option<&mut Seen>,
+) -> (u32, i32) {
+    #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
+    if raw.len().is_multiple_of(crate::dsp::sse2::LANES) {
+        return crate::dsp::sse2::floored_row_moments(raw, floor, cut, seen);
+    }
+    #[cfg(target_arch = "riscv32")]
+    if let Some((raw, floor)) = crate::dsp::rv32::packed(raw, floor, cut) {
+        return crate::dsp::rv32::row_moments(raw, floor, cut, seen);
+    }
+    #[cfg(all(target_arch = "arm", target_feature = "dsp"))]
+    if let Some((raw, floor)) = crate::dsp::armv7em::packed(raw, floor) {
+        return crate::dsp::armv7em::row_moments(raw, floor, cut, seen);
+    }
+    portable_floored_row_moments(raw, floor, cut, seen)
+}
+
+/// [`floored_row_moments`] without vector instructions.
+#[inline(always)]
+pub(crate) fn portable_floored_row_moments(
+    raw: &[u16],
+    floor: &[u16],
+    cut: Cut,
+    seen: Option<&mut Seen>,
+) -> (u32, i32) {
+    let excess = i32::from(cut.excess);
+    let signal = |(&raw, &floor): (&u16, &u16)| {
+        pixels::positive(i32::from(raw) - i32::from(floor) - excess) as u32
+    };
+    if let Some(seen) = seen {
+        seen.note(raw.iter().zip(floor).map(signal), raw, floor, cut);
+    }
+    row_moments(raw.iter().zip(floor).map(signal))
 }
 
 /// Fraction bits of the two weights of a pixel, its column's and its row's.
@@ -260,15 +336,21 @@ pub(crate) fn nth_brightest(signal: &[u16], n: u32, bits: u32) -> u16 {
 pub(crate) fn brightest_moments(signal: &[u16], window: usize, n: u32, bits: u32) -> Moments {
     let threshold = nth_brightest(signal, n, bits);
     let mut moments = Moments::ZERO;
-    let mut row = [0u16; MAX_WINDOW];
     for (y, pixels) in signal.chunks_exact(window.max(1)).enumerate() {
-        for (above, &s) in row.iter_mut().zip(pixels) {
-            *above = s.saturating_sub(threshold);
-        }
-        let (sum, x) = row_moments(row.get(..window).unwrap_or_default());
-        moments.add_row(window, y, sum, x);
+        let above = pixels.iter().map(|&s| u32::from(pixels::less(s, threshold)));
+        moments.add_row(window, y, row_moments(above));
     }
     moments
+}
+
+/// First of the [`WATCHED`] rows of a window whose spot has its centroid at `y_q16` from the centre.
+#[inline]
+pub(crate) fn first_watched(window: usize, y_q16: i32) -> u8 {
+    let last = window as i32 - 1;
+    // Row of the centroid, rounded down: as many watched rows are above it as below.
+    let row = y_q16.wrapping_add(last << (CENTROID_BITS - 1)) >> CENTROID_BITS;
+    let first = pixels::positive(row - (WATCHED as i32 / 2 - 1));
+    (first - pixels::positive(first - (window as i32 - WATCHED as i32))) as u8
 }
 
 /// The part of a moving threshold that a pixel's own threshold does not already cover:
@@ -278,7 +360,8 @@ pub(crate) fn brightest_moments(signal: &[u16], window: usize, n: u32, bits: u32
 /// when it was measured (all of it with the subtracting convention, nothing otherwise).
 #[inline]
 pub(crate) fn excess(peak: u16, fraction_q16: u16, base: u16, covered: u16) -> u16 {
-    let above_dark = u32::from(peak.saturating_add(covered));
+    let above_dark = i32::from(peak) + i32::from(covered);
+    let above_dark = (above_dark - pixels::positive(above_dark - i32::from(u16::MAX))) as u32;
     let moving = ((above_dark * u32::from(fraction_q16) + (1 << 15)) >> 16) as u16;
-    moving.saturating_sub(base)
+    pixels::less(moving, base)
 }

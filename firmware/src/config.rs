@@ -6,7 +6,7 @@
 //! between frames.
 
 use crate::actuators::{Drive, Law, Response};
-use crate::centroid::{EstimatorConfig, Template};
+use crate::centroid::{self, EstimatorConfig, Template};
 use crate::control::{ControlConfig, Gains};
 use crate::error::ConfigError;
 use crate::fixed::LENGTH_BITS;
@@ -48,6 +48,8 @@ pub struct Config<const M: usize, const P: usize, const B: usize> {
     pub(crate) height: u16,
     /// Bits of a raw pixel.
     pub(crate) bits: u8,
+    /// Whether no window's sum has more bits than a short reciprocal takes.
+    pub(crate) short_sums: bool,
     pub(crate) window: usize,
     /// Windows in readout order: by first row, then first column.
     pub(crate) slots: heapless::Vec<Slot, M>,
@@ -90,6 +92,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             width: 0,
             height: 0,
             bits: 0,
+            short_sums: false,
             window: 0,
             slots: heapless::Vec::new(),
             bank: Bank::new(),
@@ -161,8 +164,14 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.fill_subapertures(&quantiser, spec)?;
         self.fill_bank(&quantiser, spec);
         self.travel = Travel::new(quantiser.ratio_bits, slew_ulp, &self.segments);
+        self.short_sums = self.sums_are_short();
         self.fill_sor(&spec.mask, &spec.sor);
         Ok(())
+    }
+
+    pub(crate) fn sums_are_short(&self) -> bool {
+        let largest = self.window * self.window * usize::from(self.bank.top);
+        largest < 1 << centroid::SHORT_SUM_BITS
     }
 
     /// Back to no subapertures.
@@ -203,8 +212,8 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.bank.clear();
         self.bank.threshold_shift = quantiser.threshold_shift;
         self.bank.convention = spec.pixels.convention;
-        let top = ((1u32 << spec.detector.bits) - 1) as u16;
-        self.bank.saturation = spec.pixels.saturation_adu.unwrap_or(top);
+        self.bank.top = quantiser.top();
+        self.bank.saturation = spec.pixels.saturation_adu.unwrap_or(self.bank.top);
         for slot in &self.slots {
             for (x, y) in quantiser.window([slot.x0, slot.y0]) {
                 self.bank.push(quantiser.pixel(x, y));

@@ -63,23 +63,57 @@ pub fn reciprocal(divisor: u32) -> u64 {
     }
 }
 
+/// `floor(2^43 / divisor)` for `1 <= divisor < 2^20`; a zero divisor counts as one.
+///
+/// As [`reciprocal`], with two 32-bit divisions ([`short_reciprocal_chained`]).
+#[inline(always)]
+pub fn short_reciprocal(divisor: u32) -> u64 {
+    #[cfg(target_pointer_width = "64")]
+    {
+        (1u64 << 43) / u64::from(divisor.max(1))
+    }
+    #[cfg(not(target_pointer_width = "64"))]
+    {
+        short_reciprocal_chained(divisor)
+    }
+}
+
+/// Quotient of `rest 2^bits` by `d`, and what remains.
+#[inline(always)]
+const fn divide(rest: u32, bits: u32, d: u32) -> (u32, u32) {
+    let dividend = rest.wrapping_shl(bits);
+    let quotient = dividend / d;
+    (quotient, dividend.wrapping_sub(quotient.wrapping_mul(d)))
+}
+
+/// `max(d, 1)`: without a comparison, which would be a branch where there is no conditional move.
+#[inline(always)]
+const fn at_least_one(d: u32) -> u32 {
+    d.wrapping_add((d.wrapping_sub(1) & !d) >> 31)
+}
+
 /// [`reciprocal`] by long division in 32-bit words: 2^31, then 6, 6 and 5 more bits.
 ///
 /// Each remainder is below the divisor, hence below 2^26, so that shifting it by 6 stays in 32
 /// bits: no 64-bit division routine, whose time depends on its operands, is ever called.
 #[inline]
-pub fn reciprocal_chained(divisor: u32) -> u64 {
-    let d = divisor.max(1);
-    let step = |rest: u32, bits: u32| {
-        let dividend = rest.wrapping_shl(bits);
-        let quotient = dividend / d;
-        (quotient, dividend.wrapping_sub(quotient.wrapping_mul(d)))
-    };
-    let (q0, r0) = step(1, 31);
-    let (q1, r1) = step(r0, 6);
-    let (q2, r2) = step(r1, 6);
-    let (q3, _) = step(r2, 5);
-    (u64::from(q0) << 17) + (u64::from(q1) << 11) + (u64::from(q2) << 5) + u64::from(q3)
+pub const fn reciprocal_chained(divisor: u32) -> u64 {
+    let d = at_least_one(divisor);
+    let (q0, r0) = divide(1, 31, d);
+    let (q1, r1) = divide(r0, 6, d);
+    let (q2, r2) = divide(r1, 6, d);
+    let (q3, _) = divide(r2, 5, d);
+    ((q0 as u64) << 17) + ((q1 as u64) << 11) + ((q2 as u64) << 5) + q3 as u64
+}
+
+/// [`short_reciprocal`] by long division in 32-bit words: 2^31, then 12 more bits of a remainder
+/// below 2^20.
+#[inline]
+pub const fn short_reciprocal_chained(divisor: u32) -> u64 {
+    let d = at_least_one(divisor);
+    let (q0, r0) = divide(1, 31, d);
+    let (q1, _) = divide(r0, 12, d);
+    ((q0 as u64) << 12) + q1 as u64
 }
 
 /// `min(floor(2^16 num / den), 2^16)` for `den <= 2^22`; a zero denominator gives one.
@@ -153,6 +187,16 @@ mod tests {
             assert_eq!(reciprocal(d), reciprocal_chained(d));
         }
         assert_eq!(reciprocal(0), 1 << 48);
+        assert_eq!(reciprocal_chained(0), 1 << 48);
+    }
+
+    #[test]
+    fn short_reciprocal_is_the_quotient() {
+        for d in 1..1u32 << 20 {
+            assert_eq!(short_reciprocal_chained(d), (1u64 << 43) / u64::from(d), "divisor {d}");
+        }
+        assert_eq!(short_reciprocal_chained(0), 1 << 43);
+        assert_eq!(short_reciprocal(3), short_reciprocal_chained(3));
     }
 
     #[test]

@@ -277,6 +277,11 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         from.pieces(2 * pixels, |piece| words(piece, &mut |floor| bank.push_floor(floor)))?;
         from.pieces(2 * pixels, |piece| words(piece, &mut |loss| bank.push_loss(loss)))?;
         from.pieces(pixels, |piece| piece.iter().for_each(|&t| bank.push_threshold(t)))?;
+        let top = bank.top;
+        if let Some(i) = bank.floors().iter().position(|&floor| floor > top) {
+            let limit = Limit::Rule("floor: must not be above the highest raw value");
+            return Err(ConfigError::at(Field::Dark, i, f64::from(top), limit).into());
+        }
         let checksum = from.digest.clone().finalize();
         if u32::from_le_bytes(from.array()?) != checksum {
             return Err(ImageError::Checksum);
@@ -343,7 +348,10 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.adu_per_unit = head.adu_per_unit;
         self.bank.convention = head.convention;
         self.bank.threshold_shift = head.threshold_shift;
+        self.bank.top = ((1u32 << head.bits) - 1) as u16;
+        check(Field::Saturation, head.saturation.into(), (1.0, self.bank.top.into()))?;
         self.bank.saturation = head.saturation;
+        self.short_sums = self.sums_are_short();
         Ok(())
     }
 

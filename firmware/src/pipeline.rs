@@ -123,7 +123,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     fn flatten<const P: usize>(&mut self, config: &Config<M, P, B>) {
         self.warm = false;
         self.flat = true;
-        self.readout.reset();
+        self.readout.reset(config.window);
         self.control.reset();
         self.sor.reset();
         self.slopes.fill(Slope::default());

@@ -18,6 +18,13 @@
 //! * `excess` is the amount by which a subaperture's moving threshold (a fraction of its previous
 //!   peak) exceeds its fixed one, u16, one value a window and frame.
 //!
+//! Without a flat field (no pixel's gain differs) and with the subtracting convention this is
+//! s = max(raw - (floor + excess), 0), which the packed kernels of [`crate::dsp`] compute.
+//!
+//! Peak and saturated pixels are looked for where the spot is: in the rows next to the last
+//! centroid ([`WATCHED`] of them). They cost as much as the moments, and what a moving threshold
+//! has to follow is the spot, not a hit in the window's corner.
+//!
 //! Scaling and overflow: every quantity is a u16 and every operation saturating or exact;
 //! rounding of the gain is to nearest, ties down in `b` (ties up in the loss).
 
@@ -33,13 +40,14 @@ pub enum Convention {
     ZeroBelow,
 }
 
-/// Floor of a bad pixel: no raw value exceeds it.
-pub const BAD: u16 = u16::MAX;
+/// Rows of a window in which its peak is looked for: two on either side of the last centroid, or
+/// all of a window of four. A spot is two pixels wide at half maximum where a pixel is lambda/2d.
+pub const WATCHED: usize = 4;
 
 /// The calibration of one pixel, as it is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PixelCalibration {
-    /// ADU below which a raw value is no signal.
+    /// ADU below which a raw value is no signal; the highest raw value for a bad pixel.
     pub floor: u16,
     /// 2^16 times what the flat field takes away.
     pub loss: u16,
@@ -61,6 +69,10 @@ pub struct Bank<const P: usize> {
     pub(crate) saturation: u16,
     /// The convention.
     pub(crate) convention: Convention,
+    /// Highest raw value, and floor of a bad pixel: none exceeds it.
+    pub(crate) top: u16,
+    /// Whether some pixel has a loss.
+    pub(crate) flat_field: bool,
 }
 
 /// One window row of the bank.
@@ -74,10 +86,10 @@ pub struct BankRow<'a> {
     pub threshold: &'a [u8],
 }
 
-/// What a row tells about its pixels besides the signal.
+/// What the watched rows of a window told besides the signal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RowPixels {
-    /// Largest calibrated value `b` of the row, before the excess is taken off.
+pub struct Noted {
+    /// Largest signal.
     pub peak: u16,
     /// Pixels at or above the saturation level.
     pub saturated: u16,
@@ -93,10 +105,13 @@ impl<const P: usize> Bank<P> {
             threshold_shift: 0,
             saturation: u16::MAX,
             convention: Convention::Subtract,
+            top: 0,
+            flat_field: false,
         }
     }
 
     pub(crate) fn clear(&mut self) {
+        self.flat_field = false;
         self.floor.clear();
         self.loss.clear();
         self.threshold.clear();
@@ -105,9 +120,9 @@ impl<const P: usize> Bank<P> {
     /// Appends a pixel; the caller has checked that at most `P` are appended.
     pub(crate) fn push(&mut self, pixel: PixelCalibration) {
         // Cannot fail below the capacity, which `Config::build` checks first.
-        let _ = self.floor.push(pixel.floor);
-        let _ = self.loss.push(pixel.loss);
-        let _ = self.threshold.push(pixel.threshold);
+        self.push_floor(pixel.floor);
+        self.push_loss(pixel.loss);
+        self.push_threshold(pixel.threshold);
     }
 
     pub(crate) fn push_floor(&mut self, floor: u16) {
@@ -115,6 +130,7 @@ impl<const P: usize> Bank<P> {
     }
 
     pub(crate) fn push_loss(&mut self, loss: u16) {
+        self.flat_field |= loss != 0;
         let _ = self.loss.push(loss);
     }
 
@@ -134,45 +150,47 @@ impl<const P: usize> Bank<P> {
         &self.threshold
     }
 
-    /// The pixels of windows `first .. next`, `area` each, one window after the other.
+    /// The `window` pixels from place `start`: of window k and its row y, k W^2 + y W.
     #[inline(always)]
-    pub(crate) fn windows(
-        &self,
-        first: usize,
-        next: usize,
-        area: usize,
-    ) -> impl Iterator<Item = BankRow<'_>> {
-        let area = area.max(1);
-        let all = first.wrapping_mul(area)..next.wrapping_mul(area);
-        // Beyond the end, where a validated configuration never asks, there are no windows.
-        let floor = self.floor.get(all.clone()).unwrap_or_default().chunks_exact(area);
-        let loss = self.loss.get(all.clone()).unwrap_or_default().chunks_exact(area);
-        let threshold = self.threshold.get(all).unwrap_or_default().chunks_exact(area);
-        floor.zip(loss).zip(threshold).map(|((floor, loss), threshold)| BankRow {
-            floor,
-            loss,
-            threshold,
-        })
-    }
-}
-
-impl BankRow<'_> {
-    /// The `window` pixels from place `start` of these.
-    #[inline(always)]
-    pub(crate) fn part(&self, start: usize, window: usize) -> Option<Self> {
+    pub(crate) fn row(&self, start: usize, window: usize) -> Option<BankRow<'_>> {
         let end = start.wrapping_add(window);
-        Some(Self {
+        Some(BankRow {
             floor: self.floor.get(start..end)?,
             loss: self.loss.get(start..end)?,
             threshold: self.threshold.get(start..end)?,
         })
     }
+
+    /// The floors alone of [`Bank::row`].
+    #[inline(always)]
+    pub(crate) fn floor_row(&self, start: usize, window: usize) -> Option<&[u16]> {
+        self.floor.get(start..start.wrapping_add(window))
+    }
+
+    /// Whether signals are raw values less a floor.
+    #[inline(always)]
+    pub(crate) fn only_floors(&self) -> bool {
+        self.convention == Convention::Subtract && !self.flat_field
+    }
+
+    /// What all cuts of this bank share.
+    #[inline(always)]
+    pub(crate) fn cut(&self, excess: u16) -> Cut {
+        Cut {
+            convention: self.convention,
+            shift: self.threshold_shift,
+            top: self.top,
+            saturation: self.saturation,
+            excess,
+        }
+    }
 }
 
-/// Lanes in which peaks and saturated pixels of a window are gathered: those of the packed kernels.
-const LANES: usize = if cfg!(all(target_arch = "x86_64", target_feature = "sse2")) { 8 } else { 1 };
+/// Lanes in which the peak and the saturated pixels of a window are gathered: those of the packed
+/// kernels.
+const LANES: usize = if cfg!(all(target_arch = "x86_64", target_feature = "sse2")) { 8 } else { 2 };
 
-/// What a window's rows told about its pixels besides the signal.
+/// What a window's watched rows told about its pixels besides the signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Seen {
     pub(crate) peak: [u16; LANES],
@@ -184,18 +202,26 @@ impl Seen {
 
     /// Adds a row.
     #[inline(always)]
-    pub(crate) fn note(&mut self, row: RowPixels) {
-        let [peak, ..] = &mut self.peak;
-        *peak = (*peak).max(row.peak);
-        let [saturated, ..] = &mut self.saturated;
-        *saturated = saturated.wrapping_add(row.saturated);
+    pub(crate) fn note(
+        &mut self,
+        signal: impl Iterator<Item = u32>,
+        raw: &[u16],
+        floor: &[u16],
+        cut: Cut,
+    ) {
+        let ([peak, ..], [saturated, ..]) = (&mut self.peak, &mut self.saturated);
+        for ((signal, &raw), &floor) in signal.zip(raw).zip(floor) {
+            *peak = max(*peak, signal as u16);
+            let white = above(raw, cut.saturation.wrapping_sub(1)) & above(cut.top, floor);
+            *saturated = saturated.wrapping_add(white);
+        }
     }
 
     /// The whole window.
     #[inline]
-    pub(crate) fn all(&self) -> RowPixels {
-        RowPixels {
-            peak: self.peak.into_iter().fold(0, u16::max),
+    pub(crate) fn all(&self) -> Noted {
+        Noted {
+            peak: self.peak.into_iter().fold(0, max),
             saturated: self.saturated.into_iter().fold(0, u16::wrapping_add),
         }
     }
@@ -207,46 +233,56 @@ pub(crate) struct Cut {
     pub(crate) convention: Convention,
     /// Binary exponent of the stored thresholds.
     pub(crate) shift: u32,
+    /// Highest raw value.
+    pub(crate) top: u16,
+    /// Raw value from which a pixel counts as saturated, ADU; at least 1.
+    pub(crate) saturation: u16,
     /// See the module.
     pub(crate) excess: u16,
-    /// Raw value from which a pixel counts as saturated, ADU.
-    pub(crate) saturation: u16,
 }
 
-/// One window row of signal, in whichever convention.
+/// One window row of signal, in whichever convention; `seen` of a watched row is added to.
 #[inline(always)]
-pub(crate) fn signal(raw: &[u16], row: BankRow<'_>, cut: Cut, seen: &mut Seen, signal: &mut [u16]) {
+pub(crate) fn signal(
+    raw: &[u16],
+    row: BankRow<'_>,
+    cut: Cut,
+    seen: Option<&mut Seen>,
+    signal: &mut [u16],
+) {
     #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
     if raw.len().is_multiple_of(LANES) {
         return crate::dsp::sse2::signal(raw, row, cut, seen, signal);
     }
-    let Cut { convention, shift, excess, saturation } = cut;
-    seen.note(match convention {
-        Convention::Subtract => calibrate(raw, row, excess, saturation, signal),
-        Convention::ZeroBelow => calibrate_zero_below(raw, row, shift, excess, saturation, signal),
-    });
+    portable_signal(raw, row, cut, seen, signal);
 }
 
-/// Takes `excess` and the floor off one window row and applies the flat field.
+/// [`signal`] without vector instructions.
+#[inline(always)]
+pub(crate) fn portable_signal(
+    raw: &[u16],
+    row: BankRow<'_>,
+    cut: Cut,
+    seen: Option<&mut Seen>,
+    signal: &mut [u16],
+) {
+    match cut.convention {
+        Convention::Subtract => calibrate(raw, row, cut.excess, signal),
+        Convention::ZeroBelow => calibrate_zero_below(raw, row, cut.shift, cut.excess, signal),
+    }
+    if let Some(seen) = seen {
+        seen.note(signal.iter().map(|&s| u32::from(s)), raw, row.floor, cut);
+    }
+}
+
+/// Takes the floor off one window row, applies the flat field and takes off `excess`.
 ///
 /// `raw`, the calibration and `signal` have the window's width; a shorter one ends the row.
 #[inline(always)]
-pub fn calibrate(
-    raw: &[u16],
-    row: BankRow<'_>,
-    excess: u16,
-    saturation: u16,
-    signal: &mut [u16],
-) -> RowPixels {
-    let mut peak = 0;
-    let mut saturated = 0u16;
+pub fn calibrate(raw: &[u16], row: BankRow<'_>, excess: u16, signal: &mut [u16]) {
     for (((&raw, &floor), &loss), signal) in raw.iter().zip(row.floor).zip(row.loss).zip(signal) {
-        let flat = flat_field(raw.saturating_sub(floor), loss);
-        *signal = flat.saturating_sub(excess);
-        peak = peak.max(flat);
-        saturated = saturated.wrapping_add(is_saturated(raw, floor, saturation));
+        *signal = less(flat_field(less(raw, floor), loss), excess);
     }
-    RowPixels { peak, saturated }
 }
 
 /// As [`calibrate`], with the zero-below convention: a pixel passes whole or not at all.
@@ -256,21 +292,16 @@ pub fn calibrate_zero_below(
     row: BankRow<'_>,
     shift: u32,
     excess: u16,
-    saturation: u16,
     signal: &mut [u16],
-) -> RowPixels {
-    let mut peak = 0;
-    let mut saturated = 0u16;
+) {
     let pixels = raw.iter().zip(row.floor).zip(row.loss).zip(row.threshold).zip(signal);
     for ((((&raw, &floor), &loss), &threshold), signal) in pixels {
-        let flat = flat_field(raw.saturating_sub(floor), loss);
-        // A u8 shifted by at most 8 fits u16.
-        let limit = u16::from(threshold).wrapping_shl(shift).saturating_add(excess);
-        *signal = if flat > limit { flat } else { 0 };
-        peak = peak.max(flat);
-        saturated = saturated.wrapping_add(is_saturated(raw, floor, saturation));
+        let flat = flat_field(less(raw, floor), loss);
+        // A u8 shifted by at most 8 fits u16; their sum may not.
+        let limit = (u32::from(threshold) << shift) + u32::from(excess);
+        let passes = (limit.wrapping_sub(u32::from(flat)) >> 31) as u16;
+        *signal = flat.wrapping_mul(passes);
     }
-    RowPixels { peak, saturated }
 }
 
 /// `a (1 - loss / 2^16)`, rounded. Written as two 16-bit halves of one product, which vector
@@ -282,7 +313,26 @@ fn flat_field(a: u16, loss: u16) -> u16 {
     a.wrapping_sub(high).wrapping_sub(low >> 15)
 }
 
+/// max(a - b, 0). As signs and masks: a comparison would become a branch on a machine without
+/// conditional moves, and its time depend on the data.
 #[inline(always)]
-fn is_saturated(raw: u16, floor: u16, saturation: u16) -> u16 {
-    u16::from(raw >= saturation) & u16::from(floor != BAD)
+pub(crate) fn less(a: u16, b: u16) -> u16 {
+    positive(i32::from(a) - i32::from(b)) as u16
+}
+
+/// max(x, 0).
+#[inline(always)]
+pub(crate) fn positive(x: i32) -> i32 {
+    x & !(x >> 31)
+}
+
+#[inline(always)]
+fn max(a: u16, b: u16) -> u16 {
+    b.wrapping_add(less(a, b))
+}
+
+/// 1 where `a > b`, else 0.
+#[inline(always)]
+fn above(a: u16, b: u16) -> u16 {
+    (u32::from(b).wrapping_sub(u32::from(a)) >> 31) as u16
 }

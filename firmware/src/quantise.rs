@@ -8,7 +8,7 @@ use crate::centroid::EstimatorConfig;
 use crate::control::{GAIN_BITS, Gains};
 use crate::error::{ConfigError, Field, Limit};
 use crate::fixed::{CENTROID_BITS, LENGTH_BITS};
-use crate::pixels::{BAD, Convention, PixelCalibration};
+use crate::pixels::{Convention, PixelCalibration};
 use crate::segments::{ACTUATORS, INFLUENCE_BITS, RATIO_BITS, Segment};
 use crate::slopes::SlopeCalibration;
 use crate::spec::{Estimator, Map, Spec};
@@ -171,10 +171,16 @@ impl<'a> Quantiser<'a> {
         power(LENGTH_BITS) / self.lsb_m
     }
 
+    /// The highest raw value, ADU.
+    pub(crate) fn top(&self) -> u16 {
+        ((1u32 << self.spec.detector.bits) - 1) as u16
+    }
+
     /// The stored calibration of the detector pixel in column `x`, row `y`.
     pub(crate) fn pixel(&self, x: u16, y: u16) -> PixelCalibration {
+        let top = self.top();
         if self.is_bad(x, y) {
-            return PixelCalibration { floor: BAD, loss: 0, threshold: 0 };
+            return PixelCalibration { floor: top, loss: 0, threshold: 0 };
         }
         let (dark, gain, threshold) = self.pixel_values(x, y);
         let folded = match self.spec.pixels.convention {
@@ -184,8 +190,8 @@ impl<'a> Quantiser<'a> {
         let relative = gain / self.adu_per_unit;
         let stored = round(threshold * relative / power(self.threshold_shift));
         PixelCalibration {
-            // 65534 is the highest floor of a good pixel: 65535 means bad.
-            floor: round(dark + folded).min(65534.0) as u16,
+            // A pixel that no value lifts above its floor is as good as bad.
+            floor: round(dark + folded).min(f64::from(top)) as u16,
             loss: round(power(16) * (1.0 - relative)).min(65535.0) as u16,
             threshold: stored.min(255.0) as u8,
         }

@@ -6,31 +6,74 @@
 //! frame nothing is left to do here.
 
 use crate::centroid::{
-    self, EstimatorConfig, MAX_WINDOW, Measurement, Moments, Template, WEIGHT_BITS,
+    self, EstimatorConfig, MAX_WINDOW, Measurement, Moments, Template, WeightedMoments,
 };
 use crate::config::{Config, Slot};
-use crate::pixels::{self, BankRow, Convention, Cut};
+use crate::pixels::{self, Convention, Noted, Seen, WATCHED};
 
-/// What a subaperture's next frame needs of its last complete one.
-#[derive(Clone, Copy, Debug, Default)]
-struct History {
+/// What is kept of a window between its rows, and from frame to frame.
+#[derive(Clone, Copy, Debug)]
+struct Window {
+    moments: Moments,
+    seen: Seen,
     /// Moving threshold beyond the fixed one, signal units.
     excess: u16,
+    /// First of the rows in which the peak is looked for.
+    watched: u8,
+}
+
+/// What the weighted estimator keeps of a window.
+#[derive(Clone, Copy, Debug)]
+struct Weighted {
+    moments: WeightedMoments,
     /// Centre of the weight, eighths of a pixel, within +-128.
     centre: [i16; 2],
 }
 
-/// A row of one window, and what it adds to.
-struct Line<'a> {
-    /// Number of the window in readout order.
-    window: usize,
-    /// Row of the window.
-    y: usize,
-    subaperture: usize,
-    raw: &'a [u16],
-    bank: BankRow<'a>,
-    history: &'a History,
-    moments: &'a mut Moments,
+impl Window {
+    const NEW: Self = Self { moments: Moments::ZERO, seen: Seen::NOTHING, excess: 0, watched: 0 };
+
+    /// Starts with window row 0.
+    #[inline(always)]
+    fn start(&mut self, y: usize) {
+        if y == 0 {
+            self.moments = Moments::ZERO;
+            self.seen = Seen::NOTHING;
+        }
+    }
+
+    /// What a watched row adds to.
+    #[inline(always)]
+    fn watch(&mut self, y: usize) -> Option<&mut Seen> {
+        let watched = y.wrapping_sub(usize::from(self.watched)) < WATCHED;
+        watched.then_some(&mut self.seen)
+    }
+
+    /// The measurement, of `moments` or its own.
+    #[inline]
+    fn measurement(&self, moments: &Moments, flux: u32, config: &Shared) -> Measurement {
+        let Noted { peak, saturated } = self.seen.all();
+        // What was taken off the peak; nothing off none.
+        let taken = self.excess * u16::from(config.subtracts) * u16::from(peak != 0);
+        Measurement {
+            centroid_q16: moments.centroid_q16(config.short_sums),
+            flux,
+            peak: peak.wrapping_add(taken),
+            saturated,
+        }
+    }
+}
+
+impl Weighted {
+    const NEW: Self = Self { moments: WeightedMoments::ZERO, centre: [0; 2] };
+}
+
+/// What all windows share.
+#[derive(Clone, Copy)]
+struct Shared {
+    /// Whether thresholds are subtracted.
+    subtracts: bool,
+    short_sums: bool,
 }
 
 /// The state of the readout. `M` and `B` as in [`Config`].
@@ -41,9 +84,9 @@ pub(crate) struct Readout<const M: usize, const B: usize> {
     /// First window that the next row can meet, and first that no row has met.
     active: [usize; 2],
     /// In readout order.
-    moments: [Moments; M],
-    /// In subaperture order.
-    history: [History; M],
+    windows: [Window; M],
+    /// In readout order.
+    weighted: [Weighted; M],
     /// In subaperture order: those of the last complete frame and those being measured.
     measurements: [[Measurement; M]; 2],
     /// Which of `measurements` is complete.
@@ -59,8 +102,8 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         Self {
             row: 0,
             active: [0; 2],
-            moments: [Moments::ZERO; M],
-            history: [History { excess: 0, centre: [0; 2] }; M],
+            windows: [Window::NEW; M],
+            weighted: [Weighted::NEW; M],
             measurements: [[BLANK; M]; 2],
             complete: 0,
             buffer: [0; B],
@@ -74,9 +117,11 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     }
 
     /// Forgets thresholds and centres as well.
-    pub(crate) fn reset(&mut self) {
+    pub(crate) fn reset(&mut self, window: usize) {
         self.begin();
-        self.history.fill(History::default());
+        let watched = centroid::first_watched(window, 0);
+        self.windows.fill(Window { watched, ..Window::NEW });
+        self.weighted.fill(Weighted::NEW);
         self.measurements.as_flattened_mut().fill(Measurement::default());
     }
 
@@ -90,110 +135,117 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     pub(crate) fn push<const P: usize>(&mut self, config: &Config<M, P, B>, pixels: &[u16]) {
         // The common sizes get loops of known length; the results are the same.
         match config.window {
-            8 => self.windows::<8, P>(config, pixels),
-            16 => self.windows::<16, P>(config, pixels),
-            _ => self.windows::<0, P>(config, pixels),
+            8 => self.rows_of::<8, P>(config, pixels),
+            16 => self.rows_of::<16, P>(config, pixels),
+            _ => self.rows_of::<0, P>(config, pixels),
         }
         self.row = self.row.wrapping_add(1);
     }
 
     /// Adds the row to every window it meets. `W` is the window's size, or 0 for any.
     #[inline(always)]
-    fn windows<const W: usize, const P: usize>(
+    fn rows_of<const W: usize, const P: usize>(
         &mut self,
         config: &Config<M, P, B>,
         pixels: &[u16],
     ) {
-        let window = if W == 0 { config.window } else { W };
+        let size = if W == 0 { config.window } else { W };
+        let area = size * size;
         let [first, next] = &mut self.active;
         let starts = |slot: &Slot| slot.y0 <= self.row;
         while config.slots.get(*next).is_some_and(starts) {
             *next += 1;
         }
-        let ended = |slot: &Slot| usize::from(slot.y0) + window <= usize::from(self.row);
+        let ended = |slot: &Slot| usize::from(slot.y0) + size <= usize::from(self.row);
         while config.slots.get(*first).is_some_and(ended) {
             *first += 1;
         }
-        let (first, next) = (*first, *next);
+        let (first, next, row) = (*first, *next, self.row);
         let slots = config.slots.get(first..next).unwrap_or_default();
-        let moments = self.moments.get_mut(first..next).unwrap_or_default();
+        let windows = self.windows.get_mut(first..next).unwrap_or_default();
         let [done, new] = &mut self.measurements;
         let measurements = if self.complete == 0 { new } else { done };
         let bank = &config.bank;
-        let (row, history) = (self.row, &self.history);
-        let whole = slots.iter().zip(moments).zip(bank.windows(first, next, window * window));
-        // What is not there in a validated configuration and a row of the right length is skipped.
-        let lines = whole.enumerate().filter_map(|(k, ((slot, moments), pixel))| {
+        let shared = Shared {
+            subtracts: bank.convention == Convention::Subtract,
+            short_sums: config.short_sums,
+        };
+        // Window, its row, its place in the bank and its pixels. What is not there in a validated
+        // configuration and a row of the right length is skipped.
+        let lines = slots.iter().zip(windows).enumerate().filter_map(|(k, (slot, window))| {
             let y = usize::from(row.wrapping_sub(slot.y0));
             let x0 = usize::from(slot.x0);
-            let subaperture = usize::from(slot.subaperture);
-            if y == 0 {
-                *moments = Moments::ZERO;
-            }
-            Some(Line {
-                window: first + k,
-                y,
-                subaperture,
-                raw: pixels.get(x0..x0 + window)?,
-                bank: pixel.part(y * window, window)?,
-                history: history.get(subaperture)?,
-                moments,
-            })
+            window.start(y);
+            Some((slot, window, y, (first + k) * area + y * size, pixels.get(x0..x0 + size)?))
         });
-        let cut = |excess| Cut {
-            convention: bank.convention,
-            shift: bank.threshold_shift,
-            excess,
-            saturation: bank.saturation,
-        };
-        let mut finish = |subaperture, measurement| {
-            if let Some(place) = measurements.get_mut::<usize>(subaperture) {
+        let mut finish = |slot: &Slot, measurement| {
+            if let Some(place) = measurements.get_mut(usize::from(slot.subaperture)) {
                 *place = measurement;
             }
         };
         match config.estimator {
+            EstimatorConfig::CentreOfGravity { .. } if bank.only_floors() => {
+                for (slot, window, y, place, raw) in lines {
+                    let Some(floor) = bank.floor_row(place, size) else { continue };
+                    let cut = bank.cut(window.excess);
+                    let sums = centroid::floored_row_moments(raw, floor, cut, window.watch(y));
+                    window.moments.add_row(size, y, sums);
+                    if y + 1 == size {
+                        let moments = window.moments;
+                        finish(slot, window.measurement(&moments, moments.sum, &shared));
+                    }
+                }
+            }
             EstimatorConfig::CentreOfGravity { .. } => {
-                for Line { y, subaperture, raw, bank, history, moments, .. } in lines {
-                    let cut = cut(history.excess);
-                    let (sum, x) =
-                        centroid::calibrated_row_moments(raw, bank, cut, &mut moments.seen);
-                    moments.add_row(window, y, sum, x);
-                    if y + 1 == window {
-                        finish(subaperture, moments.measurement(0));
+                for (slot, window, y, place, raw) in lines {
+                    let Some(row) = bank.row(place, size) else { continue };
+                    let cut = bank.cut(window.excess);
+                    let sums = centroid::calibrated_row_moments(raw, row, cut, window.watch(y));
+                    window.moments.add_row(size, y, sums);
+                    if y + 1 == size {
+                        let moments = window.moments;
+                        finish(slot, window.measurement(&moments, moments.sum, &shared));
                     }
                 }
             }
             EstimatorConfig::Weighted { gain, .. } => {
-                for Line { y, subaperture, raw, bank, history, moments, .. } in lines {
+                let weighted = self.weighted.get_mut(first..next).unwrap_or_default();
+                let shared = Shared { short_sums: false, ..shared };
+                for ((slot, window, y, place, raw), weighted) in lines.zip(weighted) {
+                    let Some(row) = bank.row(place, size) else { continue };
                     let mut buffer = [0u16; MAX_WINDOW];
-                    let Some(signal) = buffer.get_mut(..window) else { continue };
-                    pixels::signal(raw, bank, cut(history.excess), &mut moments.seen, signal);
-                    let [cx, cy] = history.centre.map(i32::from);
-                    let weights = config.template.row(window, cx);
-                    let weight = config.template.weight(window, cy, y);
-                    let (sum, x) = centroid::weighted_row_moments(signal, weights, weight);
-                    moments.add_row(window, y, sum, x);
-                    if y + 1 == window {
-                        let mut measurement = moments.measurement(WEIGHT_BITS);
+                    let Some(signal) = buffer.get_mut(..size) else { continue };
+                    let cut = bank.cut(window.excess);
+                    pixels::signal(raw, row, cut, window.watch(y), signal);
+                    let [cx, cy] = weighted.centre.map(i32::from);
+                    let weights = config.template.row(size, cx);
+                    let weight = config.template.weight(size, cy, y);
+                    if y == 0 {
+                        weighted.moments = WeightedMoments::ZERO;
+                    }
+                    let sums = centroid::weighted_row_moments(signal, weights, weight);
+                    weighted.moments.add_row(size, y, sums);
+                    if y + 1 == size {
+                        let (moments, flux) = (weighted.moments.narrow(), weighted.moments.flux());
+                        let mut measurement = window.measurement(&moments, flux, &shared);
                         let axes = measurement.centroid_q16.iter_mut().zip([cx, cy]);
                         axes.for_each(|(c, centre)| *c = centroid::unweighted(centre, *c, gain));
-                        finish(subaperture, measurement);
+                        finish(slot, measurement);
                     }
                 }
             }
             EstimatorConfig::Brightest { n, bits } => {
-                let area = window * window;
-                for Line { window: k, y, subaperture, raw, bank, moments, .. } in lines {
+                for (k, (slot, window, y, place, raw)) in (first..).zip(lines) {
                     let start = (k % config.concurrent.max(1)) * area;
+                    let Some(row) = bank.row(place, size) else { continue };
                     let Some(stored) = self.buffer.get_mut(start..start + area) else { continue };
-                    let Some(signal) = stored.get_mut(y * window..(y + 1) * window) else {
+                    let Some(signal) = stored.get_mut(y * size..(y + 1) * size) else {
                         continue;
                     };
-                    pixels::signal(raw, bank, cut(0), &mut moments.seen, signal);
-                    if y + 1 == window {
-                        let sums = centroid::brightest_moments(stored, window, n, bits);
-                        let sums = Moments { seen: moments.seen, ..sums };
-                        finish(subaperture, sums.measurement(0));
+                    pixels::signal(raw, row, bank.cut(0), window.watch(y), signal);
+                    if y + 1 == size {
+                        let moments = centroid::brightest_moments(stored, size, n, bits);
+                        finish(slot, window.measurement(&moments, moments.sum, &shared));
                     }
                 }
             }
@@ -213,9 +265,10 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     }
 
     /// Makes the frame just read the last complete one: its measurements become readable, its
-    /// peaks and centroids set the next frame's thresholds and weights.
+    /// peaks and centroids set the next frame's thresholds, watched rows and weights.
     ///
-    /// A window without flux keeps its weight where it was; its threshold follows its peak.
+    /// A window without flux keeps its rows and its weight where they were; its threshold follows
+    /// its peak.
     pub(crate) fn commit<const P: usize>(&mut self, config: &Config<M, P, B>) {
         self.complete = 1 - self.complete;
         let fraction = match config.estimator {
@@ -223,16 +276,30 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             | EstimatorConfig::Weighted { peak_fraction, .. } => peak_fraction,
             EstimatorConfig::Brightest { .. } => 0,
         };
+        let weighted = matches!(config.estimator, EstimatorConfig::Weighted { .. });
         let subtracts = u16::from(config.bank.convention == Convention::Subtract);
         let measured = self.measurements.get(self.complete).map_or(&[][..], |frame| frame);
-        let subapertures = self.history.iter_mut().zip(measured);
-        for ((history, measurement), &base) in subapertures.zip(&config.base_thresholds) {
+        for (slot, window) in config.slots.iter().zip(&mut self.windows) {
+            let subaperture = usize::from(slot.subaperture);
+            let places = (measured.get(subaperture), config.base_thresholds.get(subaperture));
+            let (Some(measurement), Some(&base)) = places else { continue };
             let covered = base * subtracts;
-            history.excess = centroid::excess(measurement.peak, fraction, base, covered);
-            let axes = history.centre.iter_mut().zip(measurement.centroid_q16);
-            for (centre, centroid) in axes {
-                let seen = Template::centre(config.window, centroid) as i16;
-                *centre = if measurement.flux > 0 { seen } else { *centre };
+            window.excess = centroid::excess(measurement.peak, fraction, base, covered);
+            let [_, y_q16] = measurement.centroid_q16;
+            let seen = centroid::first_watched(config.window, y_q16);
+            let lit = u8::from(measurement.flux != 0);
+            window.watched = seen * lit + window.watched * (1 - lit);
+        }
+        if weighted {
+            for (slot, weighted) in config.slots.iter().zip(&mut self.weighted) {
+                let Some(measurement) = measured.get(usize::from(slot.subaperture)) else {
+                    continue;
+                };
+                if measurement.flux > 0 {
+                    weighted.centre = measurement
+                        .centroid_q16
+                        .map(|centroid| Template::centre(config.window, centroid) as i16);
+                }
             }
         }
     }

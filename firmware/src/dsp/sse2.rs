@@ -76,73 +76,48 @@ struct Block<'a> {
     threshold: &'a [u8; LANES],
 }
 
-/// What is gathered over the blocks of a row.
-#[derive(Clone, Copy)]
-struct Seen {
-    /// Largest calibrated pixel of each lane.
-    peak: __m128i,
-    /// Saturated pixels of each lane.
-    saturated: __m128i,
+/// The larger of two unsigned numbers, for which SSE2 has no instruction.
+#[inline(always)]
+fn larger(x: V, y: V) -> V {
+    add_16(saturating_sub_u16(x, y), y)
 }
 
-impl Seen {
-    #[inline(always)]
-    fn of(seen: &pixels::Seen) -> Self {
-        Self { peak: load(&seen.peak), saturated: load(&seen.saturated) }
-    }
+/// What is gathered over the blocks of a watched row.
+struct Watch<'a>(Option<&'a mut pixels::Seen>);
 
+impl Watch<'_> {
     #[inline(always)]
-    fn put(self, seen: &mut pixels::Seen) {
-        seen.peak = store(self.peak);
-        seen.saturated = store(self.saturated);
+    fn note(&mut self, signal: V, raw: V, floor: V, cut: Cut) {
+        let Some(seen) = &mut self.0 else { return };
+        seen.peak = store(larger(load(&seen.peak), signal));
+        let white = equal_16(saturating_sub_u16(splat(cut.saturation), raw), zero());
+        let bad = equal_16(saturating_sub_u16(splat(cut.top), floor), zero());
+        seen.saturated = store(sub_16(load(&seen.saturated), and_not(bad, white)));
     }
 }
 
-/// [`Cut`] in every lane.
-#[derive(Clone, Copy)]
-struct Kernel {
-    convention: Convention,
-    shift: __m128i,
-    excess: __m128i,
-    saturation: __m128i,
-}
-
-impl Kernel {
-    #[inline(always)]
-    fn new(cut: Cut) -> Self {
-        Self {
-            convention: cut.convention,
-            shift: word(0, i64::from(cut.shift)),
-            excess: splat(cut.excess),
-            saturation: splat(cut.saturation),
+/// See [`crate::pixels::calibrate`] and [`crate::pixels::calibrate_zero_below`].
+#[inline(always)]
+fn calibrated(block: Block<'_>, cut: Cut, watch: &mut Watch<'_>) -> V {
+    let Block { raw, floor, loss, threshold } = block;
+    let (raw, floor, loss) = (load(raw), load(floor), load(loss));
+    let a = saturating_sub_u16(raw, floor);
+    let high = product_high_u16(a, loss);
+    let low = top_bit_16(product_low_16(a, loss));
+    let flat = sub_16(sub_16(a, high), low);
+    let signal = match cut.convention {
+        Convention::Subtract => saturating_sub_u16(flat, splat(cut.excess)),
+        Convention::ZeroBelow => {
+            let bytes = word(0, i64::from_le_bytes(*threshold));
+            let shift = word(0, i64::from(cut.shift));
+            let limit = shift_left_16(bytes_interleaved(bytes, zero()), shift);
+            let limit = saturating_add_u16(limit, splat(cut.excess));
+            let below = equal_16(saturating_sub_u16(flat, limit), zero());
+            and_not(below, flat)
         }
-    }
-
-    /// See [`crate::pixels::calibrate`].
-    #[inline(always)]
-    fn signal(self, block: Block<'_>, seen: &mut Seen) -> __m128i {
-        let Block { raw, floor, loss, threshold } = block;
-        let (raw, floor, loss) = (load(raw), load(floor), load(loss));
-        let a = saturating_sub_u16(raw, floor);
-        let high = product_high_u16(a, loss);
-        let low = top_bit_16(product_low_16(a, loss));
-        let flat = sub_16(sub_16(a, high), low);
-        // The larger of two unsigned numbers, for which SSE2 has no instruction.
-        seen.peak = add_16(saturating_sub_u16(seen.peak, flat), flat);
-        let white = equal_16(saturating_sub_u16(self.saturation, raw), zero());
-        let bad = equal_16(floor, splat(u16::MAX));
-        seen.saturated = sub_16(seen.saturated, and_not(bad, white));
-        match self.convention {
-            Convention::Subtract => saturating_sub_u16(flat, self.excess),
-            Convention::ZeroBelow => {
-                let bytes = word(0, i64::from_le_bytes(*threshold));
-                let limit = shift_left_16(bytes_interleaved(bytes, zero()), self.shift);
-                let limit = saturating_add_u16(limit, self.excess);
-                let below = equal_16(saturating_sub_u16(flat, limit), zero());
-                and_not(below, flat)
-            }
-        }
-    }
+    };
+    watch.note(signal, raw, floor, cut);
+    signal
 }
 
 /// Weights 2x - (W - 1) of the block of pixels from `first`.
@@ -197,16 +172,33 @@ pub(crate) fn row_moments(
     raw: &[u16],
     row: BankRow<'_>,
     cut: Cut,
-    window: &mut pixels::Seen,
-) -> (u64, i64) {
-    let kernel = Kernel::new(cut);
-    let (mut seen, mut sums) = (Seen::of(window), Sums::new());
+    seen: Option<&mut pixels::Seen>,
+) -> (u32, i32) {
+    let (mut watch, mut sums) = (Watch(seen), Sums::new());
     for (k, block) in blocks(raw, row).enumerate() {
-        sums.add(kernel.signal(block, &mut seen), weights(raw.len(), LANES * k));
+        sums.add(calibrated(block, cut, &mut watch), weights(raw.len(), LANES * k));
     }
-    seen.put(window);
-    let (sum, x) = sums.row(raw.len());
-    (u64::from(sum), i64::from(x))
+    sums.row(raw.len())
+}
+
+/// See [`crate::centroid::floored_row_moments`]; the width is a multiple of [`LANES`].
+#[inline(always)]
+pub(crate) fn floored_row_moments(
+    raw: &[u16],
+    floor: &[u16],
+    cut: Cut,
+    seen: Option<&mut pixels::Seen>,
+) -> (u32, i32) {
+    let (mut watch, mut sums) = (Watch(seen), Sums::new());
+    let blocks = raw.as_chunks().0.iter().zip(floor.as_chunks().0);
+    for (k, (pixels, floor)) in blocks.enumerate() {
+        let (pixels, floor) = (load(pixels), load(floor));
+        let above = saturating_sub_u16(pixels, floor);
+        let signal = saturating_sub_u16(above, splat(cut.excess));
+        watch.note(signal, pixels, floor, cut);
+        sums.add(signal, weights(raw.len(), LANES * k));
+    }
+    sums.row(raw.len())
 }
 
 /// See [`crate::pixels::signal`]; the width is a multiple of [`LANES`].
@@ -215,16 +207,14 @@ pub(crate) fn signal(
     raw: &[u16],
     row: BankRow<'_>,
     cut: Cut,
-    window: &mut pixels::Seen,
+    seen: Option<&mut pixels::Seen>,
     signal: &mut [u16],
 ) {
-    let kernel = Kernel::new(cut);
-    let mut seen = Seen::of(window);
+    let mut watch = Watch(seen);
     let (places, _) = signal.as_chunks_mut::<LANES>();
     for (block, place) in blocks(raw, row).zip(places) {
-        *place = store(kernel.signal(block, &mut seen));
+        *place = store(calibrated(block, cut, &mut watch));
     }
-    seen.put(window);
 }
 
 #[cfg(test)]
@@ -232,25 +222,39 @@ mod tests {
     use super::*;
     use crate::{centroid, pixels};
 
+    type Kernel<'a> = &'a dyn Fn(Option<&mut pixels::Seen>) -> (u32, i32);
+
+    /// Both kernels on a row that is watched, and on one that is not.
+    fn compare_moments(portable: Kernel<'_>, packed: Kernel<'_>, context: &str) {
+        let (mut expected, mut found) = (pixels::Seen::NOTHING, pixels::Seen::NOTHING);
+        assert_eq!(packed(Some(&mut found)), portable(Some(&mut expected)), "{context}");
+        assert_eq!(found.all(), expected.all(), "{context}");
+        assert_eq!(packed(None), portable(None), "{context}");
+    }
+
     /// The portable stages on the same row, and every result compared.
     fn compare(raw: &[u16], row: BankRow<'_>, cut: Cut) {
-        let Cut { shift, excess, saturation, .. } = cut;
-        let mut expected = vec![0; raw.len()];
-        let seen = match cut.convention {
-            Convention::Subtract => pixels::calibrate(raw, row, excess, saturation, &mut expected),
-            Convention::ZeroBelow => {
-                pixels::calibrate_zero_below(raw, row, shift, excess, saturation, &mut expected)
-            }
-        };
-        let (sum, x) = centroid::row_moments(&expected);
-        let mut noted = pixels::Seen::NOTHING;
         let context = format!("{raw:?} {row:?} {cut:?}");
-        assert_eq!(row_moments(raw, row, cut, &mut noted), (sum, x), "{context}");
-        assert_eq!(noted.all(), seen, "{context}");
+        let portable = |seen: Option<&mut pixels::Seen>| {
+            let mut signal = vec![0; raw.len()];
+            pixels::portable_signal(raw, row, cut, seen, &mut signal);
+            (centroid::row_moments(signal.iter().map(|&s| u32::from(s))), signal)
+        };
+        let moments = |seen: Option<&mut pixels::Seen>| portable(seen).0;
+        compare_moments(&moments, &|seen| row_moments(raw, row, cut, seen), &context);
         let mut found = vec![1; raw.len()];
-        noted = pixels::Seen::NOTHING;
-        signal(raw, row, cut, &mut noted, &mut found);
-        assert_eq!((found, noted.all()), (expected, seen), "{context}");
+        let (mut expected, mut noted) = (pixels::Seen::NOTHING, pixels::Seen::NOTHING);
+        signal(raw, row, cut, Some(&mut noted), &mut found);
+        assert_eq!(found, portable(Some(&mut expected)).1, "{context}");
+        assert_eq!(noted.all(), expected.all(), "{context}");
+        if cut.convention == Convention::Subtract {
+            let floor = row.floor;
+            compare_moments(
+                &|seen| centroid::portable_floored_row_moments(raw, floor, cut, seen),
+                &|seen| floored_row_moments(raw, floor, cut, seen),
+                &context,
+            );
+        }
     }
 
     #[test]
@@ -270,12 +274,12 @@ mod tests {
             };
             let mut map = || -> Vec<u16> { (0..window).map(|_| any()).collect() };
             let (raw, floor, loss) = (map(), map(), map());
-            let (excess, saturation) = (map()[0], map()[0]);
+            let (excess, saturation, top) = (map()[0], map()[0].max(1), map()[0]);
             let threshold: Vec<u8> = (0..window).map(|_| next() as u8).collect();
             let shift = next() % 9;
             let row = BankRow { floor: &floor, loss: &loss, threshold: &threshold };
             for convention in [Convention::Subtract, Convention::ZeroBelow] {
-                compare(&raw, row, Cut { convention, shift, excess, saturation });
+                compare(&raw, row, Cut { convention, shift, excess, saturation, top });
             }
         }
     }

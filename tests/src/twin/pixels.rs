@@ -33,10 +33,10 @@ pub struct Seen {
     pub centroid: [f64; 2],
     /// Sum of what the centroid is made of.
     pub flux: f64,
-    /// Brightest pixel before the moving threshold; with stored numbers after the fixed one, if
-    /// that is subtracted.
+    /// Brightest pixel of the watched rows that passes, before the moving threshold; with stored
+    /// numbers after the fixed one, if that is subtracted.
     pub peak: f64,
-    /// Good pixels at or above the saturation level.
+    /// Good pixels of the watched rows at or above the saturation level.
     pub saturated: u16,
 }
 
@@ -114,31 +114,31 @@ impl<'a> Detector<'a> {
         }
     }
 
-    /// Signals of the window and its peak, after max(k sigma, fraction of the previous peak).
-    fn signals(&self, pixels: &[Option<Pixel>], last_peak: f64) -> (Vec<f64>, f64) {
+    /// Values of the window's pixels, and their signals after max(k sigma, fraction of the previous
+    /// peak).
+    fn signals(&self, pixels: &[Option<Pixel>], last_peak: f64) -> Vec<[f64; 2]> {
         match self.numbers {
             Numbers::Physical => self.physical(pixels, last_peak),
             Numbers::Stored => self.stored(pixels, last_peak),
         }
     }
 
-    fn physical(&self, pixels: &[Option<Pixel>], last_peak: f64) -> (Vec<f64>, f64) {
+    fn physical(&self, pixels: &[Option<Pixel>], last_peak: f64) -> Vec<[f64; 2]> {
         let moving = self.peak_fraction() * last_peak;
-        let mut peak = 0.0;
         let signal = |pixel: &Option<Pixel>| {
-            let Some(p) = pixel else { return 0.0 };
+            let Some(p) = pixel else { return [0.0; 2] };
             let value = p.gain * f64::max(p.raw - p.dark_adu, 0.0);
             let threshold = f64::max(p.gain * p.threshold_adu, moving);
-            peak = f64::max(peak, value);
-            match self.instrument.convention {
+            let signal = match self.instrument.convention {
                 Convention::Subtract => f64::max(value - threshold, 0.0),
                 Convention::ZeroBelow => value * f64::from(value > threshold),
-            }
+            };
+            [value, signal]
         };
-        (pixels.iter().map(signal).collect(), peak)
+        pixels.iter().map(signal).collect()
     }
 
-    fn stored(&self, pixels: &[Option<Pixel>], last_peak: f64) -> (Vec<f64>, f64) {
+    fn stored(&self, pixels: &[Option<Pixel>], last_peak: f64) -> Vec<[f64; 2]> {
         let subtract = self.instrument.convention == Convention::Subtract;
         let good = || pixels.iter().flatten();
         let count = good().count().max(1) as f64;
@@ -147,33 +147,39 @@ impl<'a> Detector<'a> {
         // The peak has already lost the threshold where that is subtracted.
         let above_dark = last_peak + if subtract { base } else { 0.0 };
         let excess = f64::max(round(fraction * above_dark) - base, 0.0);
-        let mut peak = 0.0;
         let signal = |pixel: &Option<Pixel>| {
-            let Some(p) = pixel else { return 0.0 };
+            let Some(p) = pixel else { return [0.0; 2] };
             let folded = if subtract { p.threshold_adu } else { 0.0 };
             let above = f64::max(p.raw - round(p.dark_adu + folded), 0.0);
             let loss = round(65536.0 * (1.0 - p.gain));
             let value = above - round(above * loss / 65536.0);
             let step = self.threshold_step;
             let threshold = step * round(p.threshold_adu * p.gain / step);
-            peak = f64::max(peak, value);
-            if subtract {
+            let signal = if subtract {
                 f64::max(value - excess, 0.0)
             } else {
                 value * f64::from(value > threshold + excess)
-            }
+            };
+            [value, signal]
         };
-        (pixels.iter().map(signal).collect(), peak)
+        pixels.iter().map(signal).collect()
     }
 
     /// What window `i` of `frame` shows.
     pub fn measure(&self, i: usize, frame: &[u16], history: &History) -> Seen {
         let pixels = self.window(i, frame);
-        let (mut signal, peak) = self.signals(&pixels, history.peak);
+        let signals = self.signals(&pixels, history.peak);
         let size = usize::from(self.instrument.window);
+        // Four rows, as many above the last centroid as below.
+        let row = (history.centroid[1] + (size as f64 - 1.0) / 2.0).floor();
+        let first = (row - 1.0).clamp(0.0, size as f64 - 4.0) as usize;
+        let watched = first * size..(first + 4) * size;
+        let passed = signals[watched.clone()].iter().filter(|[_, signal]| *signal > 0.0);
+        let peak = passed.map(|[value, _]| *value).fold(0.0, f64::max);
         let top = ((1u32 << self.instrument.detector.bits) - 1) as u16;
         let level = f64::from(self.instrument.saturation_adu.unwrap_or(top));
-        let saturated = pixels.iter().flatten().filter(|p| p.raw >= level).count() as u16;
+        let saturated = pixels[watched].iter().flatten().filter(|p| p.raw >= level).count() as u16;
+        let mut signal: Vec<f64> = signals.into_iter().map(|[_, signal]| signal).collect();
         let (centroid, flux) = match self.instrument.estimator {
             Estimator::WeightedCentreOfGravity { fwhm_px, gain, .. } => {
                 self.weighted(&signal, size, (fwhm_px, gain), history.centroid)
