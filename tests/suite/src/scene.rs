@@ -41,16 +41,21 @@ struct Spot {
     peak_adu: u32,
 }
 
+/// A row, at a word's address as boards have it: packed kernels take no other.
+#[derive(Debug)]
+#[repr(align(4))]
+struct Row([u16; ROW]);
+
 /// The detector of one frame after the other.
 #[derive(Debug)]
 pub(crate) struct Scene {
     spots: [Spot; PLACES],
-    row: [u16; ROW],
+    row: Row,
 }
 
 impl Scene {
     pub(crate) const fn new() -> Self {
-        Self { spots: [Spot { centre_q8: [0; 2], peak_adu: 0 }; PLACES], row: [0; ROW] }
+        Self { spots: [Spot { centre_q8: [0; 2], peak_adu: 0 }; PLACES], row: Row([0; ROW]) }
     }
 
     /// Places the `count` spots of frame `frame`.
@@ -84,7 +89,7 @@ impl Scene {
         let [width, _] = instrument.detector();
         let top = top(instrument);
         let dark = u32::from(instrument.dark_adu);
-        let row = self.row.get_mut(..usize::from(width)).unwrap_or_default();
+        let row = self.row.0.get_mut(..usize::from(width)).unwrap_or_default();
         match light {
             Light::Level(level) => row.fill(level.min(top as u16)),
             Light::Edges => {

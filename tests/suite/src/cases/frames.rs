@@ -79,7 +79,6 @@ pub(super) const SUBJECTS: &[Subject] = &[
     subject(own("n4-weighted-own", WEIGHTED), ALL_LIGHTS),
     subject(own("n4-brightest-own", BRIGHTEST), ALL_LIGHTS),
     subject(Instrument { window: 16, ..four("n4-16px", THRESHOLDED) }, &[NOISY, DEAD]),
-    subject(eight("n8-brightest", BRIGHTEST), &[NOISY, DEAD]),
     Subject {
         instrument: eight("n8-thresholded", THRESHOLDED),
         tilts: TILTS,
@@ -91,7 +90,7 @@ pub(super) const SUBJECTS: &[Subject] = &[
             window: 6,
             gap: 2,
             sor: SorSpec { omega: None, sweeps: None, cold_sweeps: None },
-            ..eight("n8-spider", THRESHOLDED)
+            ..eight("n8-spider", BRIGHTEST)
         },
         tilts: TILTS,
         cases: &[NOISY, DEAD, EVENTS],

@@ -1,7 +1,7 @@
 //! Calibration, moments and centroids alone: two windows, every kind of pixel.
 //!
-//! Kernels may differ with the window's size, the bits, the convention, the estimator and whether
-//! there is a flat field: each is here with each of the others at least once.
+//! Kernels differ with the window's size and place, the bits, the convention, the estimator and
+//! whether there is a flat field. A row starts at a word; windows lie at words, or at odd columns.
 
 use splash_firmware::pixels::Convention::{self, Subtract, ZeroBelow};
 use splash_firmware::spec::Estimator;
@@ -71,15 +71,17 @@ pub(super) const SUBJECTS: &[Subject] = &[
     subject("plain-16px-10bit-flat", PLAIN, (16, 0), 10, Subtract, Own),
     subject("thresholded-7px-12bit", THRESHOLDED, (7, 2), 12, Subtract, Same),
     subject("thresholded-8px-12bit", THRESHOLDED, (8, 0), 12, Subtract, Same),
+    subject("thresholded-8px-12bit-odd", THRESHOLDED, (8, 1), 12, Subtract, Same),
     subject("thresholded-8px-12bit-flat", THRESHOLDED, (8, 1), 12, Subtract, Own),
     subject("thresholded-8px-12bit-zero-below", THRESHOLDED, (8, 3), 12, ZeroBelow, Same),
     subject("thresholded-8px-15bit-zero-below-flat", THRESHOLDED, (8, 0), 15, ZeroBelow, Own),
     subject("thresholded-8px-16bit", THRESHOLDED, (8, 1), 16, Subtract, Same),
     subject("thresholded-8px-16bit-zero-below-flat", THRESHOLDED, (8, 0), 16, ZeroBelow, Own),
+    subject("thresholded-12px-12bit", THRESHOLDED, (12, 2), 12, Subtract, Same),
     subject("thresholded-12px-12bit-flat", THRESHOLDED, (12, 0), 12, Subtract, Own),
     subject("thresholded-16px-12bit", THRESHOLDED, (16, 0), 12, Subtract, Same),
     subject("thresholded-16px-12bit-flat", THRESHOLDED, (16, 0), 12, Subtract, Own),
-    subject("thresholded-16px-15bit", THRESHOLDED, (16, 1), 15, Subtract, Same),
+    subject("thresholded-16px-15bit", THRESHOLDED, (16, 2), 15, Subtract, Same),
     subject("thresholded-16px-14bit-zero-below", THRESHOLDED, (16, 0), 14, ZeroBelow, Same),
     subject("thresholded-16px-16bit", THRESHOLDED, (16, 0), 16, Subtract, Same),
     subject("thresholded-16px-16bit-zero-below-flat", THRESHOLDED, (16, 0), 16, ZeroBelow, Own),
