@@ -1,17 +1,9 @@
 //! Named cases for every stage of the reconstructor, each with a digest of what came out.
 //!
 //! The digests are the same on every target, whatever its word, its kernels and its floats, and in
-//! every profile; `tests/golden` says what they are. Frames, calibrations and arguments come from an
-//! integer generator in here, so that a board needs nothing but this library and a console:
-//!
-//! ```
-//! use splash_suite::{BUFFER, CELLS, PIXELS, Workspace};
-//!
-//! static WORKSPACE: std::sync::Mutex<Workspace<CELLS, PIXELS, BUFFER>> =
-//!     std::sync::Mutex::new(Workspace::new());
-//! let mut workspace = WORKSPACE.lock().unwrap();
-//! workspace.run(&mut |line| println!("{line}")).unwrap();
-//! ```
+//! every profile; `tests/golden/suite.txt` says what they are. Frames, calibrations and arguments come
+//! from an integer generator in here, so that a board needs nothing but this library and a console:
+//! `examples/host.rs` is all that its program is.
 //!
 //! Two thirds of its time on a core without floats are `Config::build`, which the suite proves as
 //! well; hence instruments of few pixels, each with many cases.
