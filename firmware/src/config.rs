@@ -148,8 +148,9 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.bits = spec.detector.bits;
         self.window = usize::from(spec.windows.size);
         self.estimator = estimator;
-        if let Some(fwhm_px) = weight_fwhm_px {
-            self.template.fill(fwhm_px);
+        match weight_fwhm_px {
+            Some(fwhm_px) => self.template.fill(fwhm_px),
+            None => self.template = Template::EMPTY,
         }
         self.concurrent = concurrent;
         self.gain_exponent = quantiser.gain_exponent;
