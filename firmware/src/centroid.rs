@@ -204,7 +204,7 @@ pub(crate) fn floored_row_moments<const N: usize>(
     if let Some((raw, floor)) = crate::dsp::rv32::packed::<N>(raw, floor, cut) {
         return crate::dsp::rv32::row_moments(raw, floor, cut);
     }
-    #[cfg(all(target_arch = "arm", target_feature = "dsp"))]
+    #[cfg(armv7em)]
     if let Some((raw, floor)) = crate::dsp::armv7em::packed::<N>(raw, floor) {
         return crate::dsp::armv7em::row_moments(raw, floor, cut);
     }
@@ -238,7 +238,7 @@ pub(crate) fn note_floored<const N: usize>(raw: &[u16], floor: &[u16], cut: Cut,
     if let Some((raw, floor)) = crate::dsp::rv32::packed::<N>(raw, floor, cut) {
         return crate::dsp::rv32::note(raw, floor, cut, seen);
     }
-    #[cfg(all(target_arch = "arm", target_feature = "dsp"))]
+    #[cfg(armv7em)]
     if let Some((raw, floor)) = crate::dsp::armv7em::packed::<N>(raw, floor) {
         return crate::dsp::armv7em::note(raw, floor, cut, seen);
     }

@@ -15,12 +15,12 @@ pub(crate) mod sse2;
 #[cfg(any(target_arch = "riscv32", test))]
 pub(crate) mod rv32;
 
-#[cfg(any(all(target_arch = "arm", target_feature = "dsp"), test))]
+#[cfg(any(armv7em, test))]
 pub(crate) mod armv7em;
 
 /// Pixels as `N` words of two, the first in the lower half; `None` unless there are 2 N and they
 /// start at a word's address.
-#[cfg(any(target_arch = "riscv32", all(target_arch = "arm", target_feature = "dsp"), test))]
+#[cfg(any(target_arch = "riscv32", armv7em, test))]
 #[inline(always)]
 fn words<const N: usize>(pixels: &[u16]) -> Option<&[u32; N]> {
     let aligned = pixels.as_ptr().addr().is_multiple_of(align_of::<u32>());
@@ -34,7 +34,7 @@ fn words<const N: usize>(pixels: &[u16]) -> Option<&[u32; N]> {
 }
 
 /// The first two lanes in a word, the first in the lower half.
-#[cfg(any(target_arch = "riscv32", all(target_arch = "arm", target_feature = "dsp"), test))]
+#[cfg(any(target_arch = "riscv32", armv7em, test))]
 #[inline(always)]
 fn word<const N: usize>(lanes: &[u16; N]) -> u32 {
     let low = lanes.first().map_or(0, |&x| u32::from(x));
@@ -43,7 +43,7 @@ fn word<const N: usize>(lanes: &[u16; N]) -> u32 {
 }
 
 /// A word into the first two lanes.
-#[cfg(any(target_arch = "riscv32", all(target_arch = "arm", target_feature = "dsp"), test))]
+#[cfg(any(target_arch = "riscv32", armv7em, test))]
 #[inline(always)]
 fn put_word<const N: usize>(lanes: &mut [u16; N], word: u32) {
     let halves = [word as u16, (word >> 16) as u16];

@@ -104,7 +104,7 @@ impl<const P: usize> Bank<P> {
             loss: heapless::Vec::new(),
             threshold: heapless::Vec::new(),
             threshold_shift: 0,
-            saturation: u16::MAX,
+            saturation: 0,
             convention: Convention::Subtract,
             top: 0,
             flat_field: false,
@@ -237,7 +237,10 @@ pub(crate) struct Cut {
     /// Binary exponent of the stored thresholds.
     pub(crate) shift: u32,
     /// Highest raw value: what a packed kernel's lanes must hold.
-    #[cfg_attr(target_arch = "x86_64", allow(dead_code, reason = "its lanes hold any"))]
+    #[cfg_attr(
+        not(any(armv7em, target_arch = "riscv32", test)),
+        allow(dead_code, reason = "no kernel asks for it")
+    )]
     pub(crate) top: u16,
     /// Raw value from which a pixel counts as saturated, ADU; at least 1.
     pub(crate) saturation: u16,

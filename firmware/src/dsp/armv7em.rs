@@ -18,13 +18,14 @@ const SIGNED_TOP: u16 = i16::MAX as u16;
 /// One in both lanes.
 const ONES: u32 = 0x0001_0001;
 
-#[cfg(all(target_arch = "arm", target_feature = "dsp"))]
+#[cfg(armv7em)]
 mod instructions {
     use core::arch::asm;
 
-    /// Instructions as safe functions.
+    /// Instructions as safe functions. The first of two must not overwrite what the second reads:
+    /// its output is `out`, not `lateout`.
     macro_rules! instructions {
-        ($($(#[$doc:meta])* $name:ident($($x:ident),*) = $($code:literal),*;)*) => {$(
+        ($($(#[$doc:meta])* $name:ident($($x:ident),*) = $($code:literal),* => $out:ident;)*) => {$(
             $(#[$doc])*
             #[inline(always)]
             pub(super) fn $name($($x: u32),*) -> u32 {
@@ -34,7 +35,7 @@ mod instructions {
                 // they are part of the target.
                 #[allow(unsafe_code)]
                 unsafe {
-                    asm!($($code),*, $($x = in(reg) $x,)* out = lateout(reg) out,
+                    asm!($($code),*, $($x = in(reg) $x,)* out = $out(reg) out,
                         options(pure, nomem, nostack));
                 }
                 out
@@ -44,18 +45,18 @@ mod instructions {
 
     instructions! {
         /// max(x - y, 0) in each lane, unsigned.
-        uqsub16(x, y) = "uqsub16 {out}, {x}, {y}";
+        uqsub16(x, y) = "uqsub16 {out}, {x}, {y}" => lateout;
         /// `sum` plus both products of the lanes, signed.
-        smlad(x, y, sum) = "smlad {out}, {x}, {y}, {sum}";
+        smlad(x, y, sum) = "smlad {out}, {x}, {y}, {sum}" => lateout;
         /// The larger of each lane, unsigned.
-        larger(x, y) = "usub16 {out}, {x}, {y}", "sel {out}, {x}, {y}";
+        larger(x, y) = "usub16 {out}, {x}, {y}", "sel {out}, {x}, {y}" => out;
         /// One in each lane where x >= y, unsigned.
-        reached(x, y, one, zero) = "usub16 {out}, {x}, {y}", "sel {out}, {one}, {zero}";
+        reached(x, y, one, zero) = "usub16 {out}, {x}, {y}", "sel {out}, {one}, {zero}" => out;
     }
 }
 
 /// The same instructions in portable arithmetic, so that the kernel can be tested on a PC.
-#[cfg(not(all(target_arch = "arm", target_feature = "dsp")))]
+#[cfg(not(armv7em))]
 mod instructions {
     fn split(x: u32) -> [u16; 2] {
         [x as u16, (x >> 16) as u16]
