@@ -465,3 +465,54 @@ fn flux_limits_are_inclusive() {
         }
     }
 }
+
+/// The peak is that of the rows next to where the spot was: a spot that jumps is found a frame later,
+/// and a hit far from it neither shows nor raises the threshold.
+#[test]
+fn the_peak_is_looked_for_where_the_spot_was() {
+    let mut instrument = Instrument::circle(4, 16);
+    instrument.estimator = Estimator::ThresholdedCentreOfGravity { peak_fraction: 0.5 };
+    let config: Box<Bank> = instrument.config();
+    let mut path = Box::new(Path::new());
+    let mut rng = Rng::new(9);
+    // Rows 2 to 13 of 16, pixel centres: the rows on either side hold the brightest pixel.
+    let spots = |y: i32| -> Vec<Spot> {
+        let spot = Spot { centre_q8: [0, y * 256 - 128 * 15], peak_adu: 2000, width_q8: 400 };
+        vec![spot; instrument.count()]
+    };
+    let quiet = Background { level_adu: 100, noise_q8: 0, electrons_per_adu: 0 };
+    let mut peaks = Vec::new();
+    let mut fluxes = Vec::new();
+    for (number, (y, hit)) in
+        [(3, false), (3, false), (12, false), (12, false), (12, true)].into_iter().enumerate()
+    {
+        let mut pixels = frames::frame(&instrument, &spots(y), &quiet, &mut rng);
+        if hit {
+            // Row 1, column 1 of each window.
+            for &[x0, y0] in &instrument.origins {
+                pixels[usize::from(y0 + 1) * 64 + usize::from(x0 + 1)] = 4095;
+            }
+        }
+        run_frame(&mut path, &config, number as u32, &pixels);
+        let first = path.measurements()[0];
+        assert!(path.measurements().iter().all(|m| *m == first));
+        peaks.push(first.peak);
+        fluxes.push(first.flux);
+    }
+    // Half a pixel aside in x, 400/256 px wide: 2000 w^4 / (w^2 + 1/4)^2 ADU, less 3 sigma of 0.75.
+    let w2 = (400.0f64 / 256.0).powi(2);
+    let brightest = 2000.0 * (w2 / (w2 + 0.25)).powi(2) - 2.25;
+    let is_brightest = |peak: u16| (f64::from(peak) - brightest).abs() <= 1.5;
+    assert!(!is_brightest(peaks[0]) && is_brightest(peaks[1]), "{peaks:?} {brightest}");
+    assert!(!is_brightest(peaks[2]) && is_brightest(peaks[3]), "{peaks:?}");
+    // The threshold of frame 4 was made by frame 3, that of a next one by frame 4.
+    assert!(is_brightest(peaks[4]), "{peaks:?}");
+    let pixels = frames::frame(&instrument, &spots(12), &quiet, &mut rng);
+    run_frame(&mut path, &config, 5, &pixels);
+    assert_eq!(path.measurements()[0].flux, fluxes[4] - (4095 - 102 - excess(peaks[4])));
+}
+
+/// Half of the peak above dark, less the threshold of 2 ADU that is taken off anyway.
+fn excess(peak: u16) -> u32 {
+    (u32::from(peak + 2) + 1) / 2 - 2
+}

@@ -13,6 +13,7 @@ use splash_firmware::slopes::MeanSlope;
 use splash_firmware::spec::{Estimator, SorSpec};
 use splash_tests::frames::Rng;
 use splash_tests::instrument::{Instrument, Values, run_frame};
+use splash_tests::twin::pixels::watched_rows;
 use splash_tests::with_big_stack;
 
 /// Cells of 40 x 40 subapertures.
@@ -184,21 +185,32 @@ fn assert_sensible(
     assert!(usize::from(report.slewed_actuators) <= 3 * count, "{context}: {report:?}");
 }
 
-/// The number of windows with any light, and of white pixels in windows.
-fn lit(instrument: &Instrument, pixels: &[u16]) -> (usize, usize) {
+/// The rows of window `i`.
+fn rows<'a>(
+    instrument: &Instrument,
+    pixels: &'a [u16],
+    i: usize,
+) -> impl Iterator<Item = &'a [u16]> {
     let side = usize::from(instrument.detector.width);
     let window = usize::from(instrument.window);
-    let (mut windows, mut white) = (0, 0);
-    for &[x0, y0] in &instrument.origins {
-        let rows = (0..window).map(|y| {
-            let start = (usize::from(y0) + y) * side + usize::from(x0);
-            &pixels[start..start + window]
-        });
-        let any = rows.clone().any(|row| row.iter().any(|&p| p > 0));
-        windows += usize::from(any);
-        white += rows.map(|row| row.iter().filter(|&&p| p == WHITE).count()).sum::<usize>();
-    }
-    (windows, white)
+    let [x0, y0] = instrument.origins[i].map(usize::from);
+    (y0..y0 + window).map(move |y| &pixels[y * side + x0..y * side + x0 + window])
+}
+
+/// The number of windows with any light.
+fn lit(instrument: &Instrument, pixels: &[u16]) -> usize {
+    let any = |i: &usize| rows(instrument, pixels, *i).any(|row| row.iter().any(|&p| p > 0));
+    (0..instrument.count()).filter(any).count()
+}
+
+/// The number of white pixels next to the last centroids.
+fn white(instrument: &Instrument, pixels: &[u16], last_y_px: &[f64]) -> usize {
+    let white = |(i, &y_px): (usize, &f64)| {
+        let watched = watched_rows(instrument.window.into(), y_px);
+        let rows = rows(instrument, pixels, i).skip(watched.start).take(watched.len());
+        rows.flatten().filter(|&&p| p == WHITE).count()
+    };
+    last_y_px.iter().enumerate().map(white).sum()
 }
 
 const GLOBAL: [[i32; 2]; 5] =
@@ -210,6 +222,7 @@ fn storm(instrument: &Instrument, config: &LargeConfig, pipeline: &mut LargePipe
     let lit: Vec<_> = frames.iter().map(|pixels| lit(instrument, pixels)).collect();
     pipeline.reset(config);
     let mut rng = Rng::new(instrument.count() as u64);
+    let mut last_y_px = vec![0.0; instrument.count()];
     let pairs = (0..20).map(|k| if k % 2 == 0 { 4 } else { 5 + rng.below(8) as usize });
     let order: Vec<_> = (0..PATTERNS.len()).chain(pairs).collect();
     for (number, pattern) in order.into_iter().enumerate() {
@@ -220,7 +233,13 @@ fn storm(instrument: &Instrument, config: &LargeConfig, pipeline: &mut LargePipe
         }
         let before = pipeline.codes().to_vec();
         let report = run_frame(pipeline, config, number as u32, &frames[pattern]);
-        let (windows, white) = lit[pattern];
+        let windows = lit[pattern];
+        let white = white(instrument, &frames[pattern], &last_y_px);
+        for (last, measured) in last_y_px.iter_mut().zip(pipeline.measurements()) {
+            if measured.flux > 0 {
+                *last = f64::from(measured.centroid_q16[1]) / 65536.0;
+            }
+        }
         if instrument.estimator == Estimator::CentreOfGravity {
             assert_eq!(usize::from(report.valid), windows, "{context}");
         }

@@ -50,6 +50,14 @@ struct Pixel {
     gain: f64,
 }
 
+/// The rows of a window in which peak and saturation are looked for: those on either side of the
+/// last centroid, which was at `y_px` from the centre.
+pub fn watched_rows(size: usize, y_px: f64) -> std::ops::Range<usize> {
+    let row = (y_px + (size as f64 - 1.0) / 2.0).floor();
+    let first = row.clamp(0.0, size as f64 - 2.0) as usize;
+    first..first + 2
+}
+
 /// The model of everything from raw pixels to centroids.
 #[derive(Clone, Debug)]
 pub struct Detector<'a> {
@@ -170,10 +178,8 @@ impl<'a> Detector<'a> {
         let pixels = self.window(i, frame);
         let signals = self.signals(&pixels, history.peak);
         let size = usize::from(self.instrument.window);
-        // The rows on either side of the last centroid.
-        let row = (history.centroid[1] + (size as f64 - 1.0) / 2.0).floor();
-        let first = row.clamp(0.0, size as f64 - 2.0) as usize;
-        let watched = first * size..(first + 2) * size;
+        let rows = watched_rows(size, history.centroid[1]);
+        let watched = rows.start * size..rows.end * size;
         let passed = signals[watched.clone()].iter().filter(|[_, signal]| *signal > 0.0);
         let peak = passed.map(|[value, _]| *value).fold(0.0, f64::max);
         let top = ((1u32 << self.instrument.detector.bits) - 1) as u16;

@@ -258,7 +258,7 @@ fn a_dark_frame_is_held() {
 }
 
 /// After a dark frame the moving threshold starts again from the fixed one: the next frame has
-/// the measurements of a first frame.
+/// the sums of a first frame. (Its peaks are looked for where the spots last were.)
 #[test]
 fn a_dark_frame_forgets_the_moving_threshold() {
     let mut instrument = usual();
@@ -270,5 +270,6 @@ fn a_dark_frame_forgets_the_moving_threshold() {
     run_frame(&mut pipeline, &config, 1, &[0; 64 * 64]);
     step(&mut pipeline, &config, 2, &frames[1]);
     step(&mut fresh, &config, 0, &frames[1]);
-    assert_eq!(pipeline.measurements(), fresh.measurements());
+    let sums = |m: &Measurement| (m.centroid_q16, m.flux);
+    assert!(pipeline.measurements().iter().map(sums).eq(fresh.measurements().iter().map(sums)));
 }

@@ -51,8 +51,9 @@ fn a_slew_limit_acts_only_when_it_is_reached() {
 fn positions_are_what_the_codes_show() {
     for piston in [1.0, 0.5, 3.0, 0.75, 3.5] {
         let mut instrument = transparent(0);
-        // Multiples of 2^-13, which are stored exactly.
-        let segment = [[piston, 0.0, 2.0], [piston, -1.5, -1.0], [piston, 1.5, -1.0]];
+        // Ratios that are stored exactly.
+        let ratios = [[1.0, 0.0, 0.5], [1.0, -0.375, -0.25], [1.0, 0.375, -0.25]];
+        let segment = ratios.map(|row: [f64; 3]| row.map(|ratio| ratio * piston));
         instrument.matrix = Values::Uniform(segment);
         let [low, high] = [0.25, 0.625].map(|part| part * instrument.stroke_m);
         instrument.limits_m = Values::Uniform([[low, high]; 3]);
@@ -60,8 +61,8 @@ fn positions_are_what_the_codes_show() {
         let mut rng = Rng::new(31);
         let mut pipeline = pipeline();
         let mut limited = 0;
-        for number in 0..20 {
-            let largest = 1 << (14 + number / 2);
+        for number in 0..30 {
+            let largest = 1 << (14 + number.min(18) / 2);
             let mut any = || rng.between(-largest, largest);
             let tilts: Vec<_> = (0..52).map(|_| [any(), any()]).collect();
             pipeline.begin(&config, number as u32);
@@ -75,7 +76,7 @@ fn positions_are_what_the_codes_show() {
                         row[0] * f64::from(position.piston_ulp) + row[1] * tip + row[2] * tilt;
                     // Code 65535 is the whole stroke of 2^25 ulp; flat is its middle.
                     let shown = f64::from(code) / 65535.0 * 33_554_432.0 - 16_777_216.0;
-                    // Half a code, and an ulp for the rounding of the product.
+                    // Half a code, and the rounding of the height in units of piston.
                     let error = (shown - height).abs();
                     let context = format!("piston influence {piston}, frame {number}");
                     assert!(error <= 0.5 * 512.01 + 2.0 + piston, "{context}: {error} ulp");
