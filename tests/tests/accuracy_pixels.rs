@@ -514,5 +514,5 @@ fn the_peak_is_looked_for_where_the_spot_was() {
 
 /// Half of the peak above dark, less the threshold of 2 ADU that is taken off anyway.
 fn excess(peak: u16) -> u32 {
-    (u32::from(peak + 2) + 1) / 2 - 2
+    u32::from(peak + 2).div_ceil(2) - 2
 }
