@@ -12,7 +12,8 @@
 //! the height range are checked when the configuration is built, so a code never leaves its DAC;
 //! rounding is to nearest. A DAC of fewer than 16 bits uses the upper ones of a 16-bit code, rounded.
 
-use crate::fixed;
+use crate::fixed::{self, positive};
+use crate::segments::ACTUATORS;
 use serde::{Deserialize, Serialize};
 
 /// How an actuator's height follows from its DAC code.
@@ -47,21 +48,29 @@ pub(crate) struct Drive {
     pub(crate) spare_bits: u32,
 }
 
-/// The DAC code for `height_ulp`.
+/// The DAC codes for the heights of a segment's actuators.
 #[inline(always)]
-pub(crate) fn code(response: Response, drive: Drive, height_ulp: i32) -> u16 {
-    let rise = (i64::from(response.slope) * i64::from(height_ulp)) >> SLOPE_BITS;
-    let v = i64::from(response.offset).wrapping_add(rise);
-    let v = v.clamp(0, i64::from(i32::MAX)) as u32;
-    let spare = drive.spare_bits;
-    let code = match drive.law {
-        Law::Linear => (v + (1 << (14 + spare))) >> (15 + spare),
-        Law::Quadratic => {
-            let (root, up) = fixed::square_root(v << 1);
-            // Rounded once: the half below the root's last bit counts only where none is dropped.
-            (root + ((1 << spare) >> 1) + up * u32::from(spare == 0)) >> spare
-        }
-    };
-    // Rounding up at the very top is the only way past the highest code.
-    code.min(u32::from(u16::MAX) >> spare) as u16
+pub(crate) fn codes(
+    law: Law,
+    spare_bits: u32,
+    responses: &[Response; ACTUATORS],
+    heights_ulp: &[i32; ACTUATORS],
+) -> [u16; ACTUATORS] {
+    let ([r0, r1, r2], [h0, h1, h2]) = (responses, heights_ulp);
+    [(r0, h0), (r1, h1), (r2, h2)].map(|(response, &height)| {
+        let rise = (i64::from(response.slope) * i64::from(height)) >> SLOPE_BITS;
+        // Up to 2^31 - 2^15 within the limits, but for the last bits of the product.
+        let v = positive(response.offset.wrapping_add(rise as i32)) as u32;
+        let code = match law {
+            Law::Linear => (v + (1 << (14 + spare_bits))) >> (15 + spare_bits),
+            Law::Quadratic => {
+                let (root, up) = fixed::square_root(v << 1);
+                // Rounded once: the half below the root's last bit counts only where none is
+                // dropped.
+                (root + ((1 << spare_bits) >> 1) + up * u32::from(spare_bits == 0)) >> spare_bits
+            }
+        };
+        // Rounding up at the very top is the only way past the highest code, to the next.
+        (code - (code >> (16 - spare_bits))) as u16
+    })
 }

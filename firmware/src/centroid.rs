@@ -57,7 +57,7 @@ pub struct Measurement {
     /// Brightest pixel of the watched rows that passed its threshold, before the moving one is taken
     /// off; 0 if none passed.
     pub peak: u16,
-    /// Pixels of the watched rows at or above the saturation level.
+    /// Pixels of the watched rows that have a signal and are at or above the saturation level.
     pub saturated: u16,
 }
 
@@ -218,10 +218,10 @@ pub(crate) fn portable_floored_row_moments(
 ) -> (u32, i32) {
     let excess = i32::from(cut.excess);
     let signal = |(&raw, &floor): (&u16, &u16)| {
-        pixels::positive(i32::from(raw) - i32::from(floor) - excess) as u32
+        fixed::positive(i32::from(raw) - i32::from(floor) - excess) as u32
     };
     if let Some(seen) = seen {
-        seen.note(raw.iter().zip(floor).map(signal), raw, floor, cut);
+        seen.note(raw.iter().zip(floor).map(signal), raw, cut);
     }
     row_moments(raw.iter().zip(floor).map(signal))
 }
@@ -349,8 +349,8 @@ pub(crate) fn first_watched(window: usize, y_q16: i32) -> u8 {
     let last = window as i32 - 1;
     // Row of the centroid, rounded down: as many watched rows are above it as below.
     let row = y_q16.wrapping_add(last << (CENTROID_BITS - 1)) >> CENTROID_BITS;
-    let first = pixels::positive(row - (WATCHED as i32 / 2 - 1));
-    (first - pixels::positive(first - (window as i32 - WATCHED as i32))) as u8
+    let first = fixed::positive(row - (WATCHED as i32 / 2 - 1));
+    (first - fixed::positive(first - (window as i32 - WATCHED as i32))) as u8
 }
 
 /// The part of a moving threshold that a pixel's own threshold does not already cover:
@@ -361,7 +361,7 @@ pub(crate) fn first_watched(window: usize, y_q16: i32) -> u8 {
 #[inline]
 pub(crate) fn excess(peak: u16, fraction_q16: u16, base: u16, covered: u16) -> u16 {
     let above_dark = i32::from(peak) + i32::from(covered);
-    let above_dark = (above_dark - pixels::positive(above_dark - i32::from(u16::MAX))) as u32;
+    let above_dark = (above_dark - fixed::positive(above_dark - i32::from(u16::MAX))) as u32;
     let moving = ((above_dark * u32::from(fraction_q16) + (1 << 15)) >> 16) as u16;
     pixels::less(moving, base)
 }

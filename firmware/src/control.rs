@@ -171,7 +171,8 @@ impl<const M: usize> Control<M> {
                 let x = field.get(node.padded).copied().unwrap_or(0);
                 let next =
                     i64::from(gain.keep) * i64::from(*c) + i64::from(gain.take) * i64::from(x);
-                let next = fixed::saturate(fixed::round_shift(next, GAIN_BITS), TILT_LIMIT);
+                // Within 2^29.
+                let next = fixed::clamp(fixed::round_shift(next, GAIN_BITS) as i32, TILT_LIMIT);
                 *c = if known { next } else { *c };
                 *sum = sum.wrapping_add(i64::from(c.wrapping_mul(i32::from(slope.valid))));
             }
@@ -179,7 +180,7 @@ impl<const M: usize> Control<M> {
         let means = sums.map(|sum| mean(sum, inverse));
         for (node, command) in nodes.iter().zip(&mut self.command) {
             for ((c, field), mean) in command.iter_mut().zip(&mut self.field).zip(means) {
-                *c = c.wrapping_sub(mean).clamp(-TILT_LIMIT, TILT_LIMIT);
+                *c = fixed::clamp(c.wrapping_sub(mean), TILT_LIMIT);
                 put(field, *node, *c);
             }
         }

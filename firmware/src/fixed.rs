@@ -36,6 +36,39 @@ pub fn saturate(x: i64, limit: i32) -> i32 {
     x.max(-i64::from(limit)).min(i64::from(limit)) as i32
 }
 
+/// max(x, 0).
+///
+/// This and what is made of it are written with signs and masks: a comparison would become a branch
+/// on a machine without conditional moves, and its time depend on the data.
+#[inline(always)]
+pub const fn positive(x: i32) -> i32 {
+    x & !(x >> 31)
+}
+
+/// The larger of two numbers less than 2^31 apart.
+#[inline(always)]
+pub const fn larger(a: i32, b: i32) -> i32 {
+    b.wrapping_add(positive(a.wrapping_sub(b)))
+}
+
+/// The smaller of two numbers less than 2^31 apart.
+#[inline(always)]
+pub const fn smaller(a: i32, b: i32) -> i32 {
+    a.wrapping_sub(positive(a.wrapping_sub(b)))
+}
+
+/// `x` within `-limit ..= limit`, for `|x| + limit < 2^31`.
+#[inline(always)]
+pub const fn clamp(x: i32, limit: i32) -> i32 {
+    smaller(larger(x, -limit), limit)
+}
+
+/// The upper half of `a * b`: SMMUL on a Cortex-M7, MULH on RISC-V.
+#[inline(always)]
+pub const fn mul_high(a: i32, b: i32) -> i32 {
+    ((a as i64 * b as i64) >> 32) as i32
+}
+
 /// `k * r` with `k` in Q30 and `|r| < 2^29`, rounded: one signed multiply-high.
 ///
 /// `r` is shifted to the top of its word first, so that the product's upper half is the answer:

@@ -19,11 +19,11 @@
 //! | no subaperture with valid flux | `finish` holds: [`Hold::NoLight`] |
 //! | no `begin` | rows are refused; `finish` holds: [`Hold::NotBegun`] |
 
-use crate::actuators;
+use crate::actuators::{self, Drive, Law};
 use crate::centroid::Measurement;
 use crate::config::Config;
 use crate::control::Control;
-use crate::fixed::TILT_LIMIT;
+use crate::fixed::{self, TILT_LIMIT};
 pub use crate::probe::{Probe, Stage};
 use crate::readout::Readout;
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
@@ -130,9 +130,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         self.positions.fill(Position::default());
         self.subapertures = config.subapertures();
         self.heights_ulp.fill([0; ACTUATORS]);
-        for (responses, codes) in config.responses.iter().zip(&mut self.codes) {
-            *codes = dac_codes(config.drive, responses, [0; ACTUATORS]);
-        }
+        self.drive(config);
     }
 
     /// Starts frame `frame`. An unfinished one is dropped and counted.
@@ -336,11 +334,23 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         self.count(report);
         probe.after(Stage::Segments);
 
-        let heights = config.responses.iter().zip(&self.heights_ulp);
-        for ((responses, heights_ulp), codes) in heights.zip(&mut self.codes) {
-            *codes = dac_codes(config.drive, responses, *heights_ulp);
-        }
+        self.drive(config);
         probe.after(Stage::Actuators);
+    }
+
+    /// Heights to codes.
+    fn drive<const P: usize>(&mut self, config: &Config<M, P, B>) {
+        let heights = config.responses.iter().zip(&self.heights_ulp).zip(&mut self.codes);
+        let Drive { law, spare_bits } = config.drive;
+        match law {
+            // One loop each: the law is the same for all.
+            Law::Linear => heights.for_each(|((responses, heights), codes)| {
+                *codes = actuators::codes(Law::Linear, spare_bits, responses, heights);
+            }),
+            Law::Quadratic => heights.for_each(|((responses, heights), codes)| {
+                *codes = actuators::codes(Law::Quadratic, spare_bits, responses, heights);
+            }),
+        }
     }
 
     /// The global tilt in use: the last one given, however old.
@@ -412,19 +422,11 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
 #[inline(always)]
 fn target(command: [i32; 2], piston: i32, node: Node, global: [i32; 2]) -> Position {
     let ([tip, tilt], [global_tip, global_tilt], [x, y]) = (command, global, node.centre);
-    let plane = i64::from(global_tip) * i64::from(x) + i64::from(global_tilt) * i64::from(y);
-    let add = |a: i32, b: i32| a.wrapping_add(b).clamp(-TILT_LIMIT, TILT_LIMIT);
+    // Twice 2^23 x 39, and a piston below 2^25: within 2^30.
+    let plane = global_tip.wrapping_mul(x.into()).wrapping_add(global_tilt.wrapping_mul(y.into()));
+    let add = |a: i32, b: i32| fixed::clamp(a.wrapping_add(b), TILT_LIMIT);
     Position {
-        piston_ulp: crate::fixed::saturate(plane + i64::from(piston), TARGET_LIMIT),
+        piston_ulp: fixed::clamp(plane.wrapping_add(piston), TARGET_LIMIT),
         tilt_ulp: [add(tip, global_tip), add(tilt, global_tilt)],
     }
-}
-
-#[inline(always)]
-fn dac_codes(
-    drive: actuators::Drive,
-    [r0, r1, r2]: &[actuators::Response; ACTUATORS],
-    [h0, h1, h2]: [i32; ACTUATORS],
-) -> [u16; ACTUATORS] {
-    [(r0, h0), (r1, h1), (r2, h2)].map(|(r, h)| actuators::code(*r, drive, h))
 }

@@ -28,6 +28,7 @@
 //! Scaling and overflow: every quantity is a u16 and every operation saturating or exact;
 //! rounding of the gain is to nearest, ties down in `b` (ties up in the loss).
 
+use crate::fixed::positive;
 use serde::{Deserialize, Serialize};
 
 /// What becomes of a pixel at or below its threshold, and of one above it.
@@ -91,7 +92,7 @@ pub struct BankRow<'a> {
 pub struct Noted {
     /// Largest signal.
     pub peak: u16,
-    /// Pixels at or above the saturation level.
+    /// Pixels with a signal whose raw value is at or above the saturation level.
     pub saturated: u16,
 }
 
@@ -202,17 +203,11 @@ impl Seen {
 
     /// Adds a row.
     #[inline(always)]
-    pub(crate) fn note(
-        &mut self,
-        signal: impl Iterator<Item = u32>,
-        raw: &[u16],
-        floor: &[u16],
-        cut: Cut,
-    ) {
+    pub(crate) fn note(&mut self, signal: impl Iterator<Item = u32>, raw: &[u16], cut: Cut) {
         let ([peak, ..], [saturated, ..]) = (&mut self.peak, &mut self.saturated);
-        for ((signal, &raw), &floor) in signal.zip(raw).zip(floor) {
+        for (signal, &raw) in signal.zip(raw) {
             *peak = max(*peak, signal as u16);
-            let white = above(raw, cut.saturation.wrapping_sub(1)) & above(cut.top, floor);
+            let white = above(raw, cut.saturation.wrapping_sub(1)) & above(signal as u16, 0);
             *saturated = saturated.wrapping_add(white);
         }
     }
@@ -271,7 +266,7 @@ pub(crate) fn portable_signal(
         Convention::ZeroBelow => calibrate_zero_below(raw, row, cut.shift, cut.excess, signal),
     }
     if let Some(seen) = seen {
-        seen.note(signal.iter().map(|&s| u32::from(s)), raw, row.floor, cut);
+        seen.note(signal.iter().map(|&s| u32::from(s)), raw, cut);
     }
 }
 
@@ -313,17 +308,10 @@ fn flat_field(a: u16, loss: u16) -> u16 {
     a.wrapping_sub(high).wrapping_sub(low >> 15)
 }
 
-/// max(a - b, 0). As signs and masks: a comparison would become a branch on a machine without
-/// conditional moves, and its time depend on the data.
+/// max(a - b, 0).
 #[inline(always)]
 pub(crate) fn less(a: u16, b: u16) -> u16 {
     positive(i32::from(a) - i32::from(b)) as u16
-}
-
-/// max(x, 0).
-#[inline(always)]
-pub(crate) fn positive(x: i32) -> i32 {
-    x & !(x >> 31)
 }
 
 #[inline(always)]

@@ -32,7 +32,7 @@
 //! quarters of an LSB up to 2^22 ([`fixed::ratio_q16`]), rounded down so that the result is inside.
 
 use crate::error::{ConfigError, Field};
-use crate::fixed::{self, TILT_LIMIT};
+use crate::fixed::{self, TILT_LIMIT, larger, mul_high, positive, smaller};
 use serde::{Deserialize, Serialize};
 
 /// Actuators of a segment.
@@ -120,7 +120,7 @@ impl Room {
     #[inline(always)]
     fn interval(&self) -> (i32, i32) {
         let [(l0, h0), (l1, h1), (l2, h2)] = self.pistons;
-        (l0.max(l1).max(l2), h0.min(h1).min(h2))
+        (larger(larger(l0, l1), l2), smaller(smaller(h0, h1), h2))
     }
 }
 
@@ -164,7 +164,7 @@ impl Segment {
     fn room(&self, tilt_ulp: [i32; 2], ratio_bits: u32) -> Room {
         let [tip, tilt] = tilt_ulp.map(|t| t.wrapping_shl(16 - DROPPED));
         let (rest, half) = (ratio_bits - DROPPED, (1 << (ratio_bits - DROPPED)) >> 1);
-        let product = |t: i16, tilt: i32| ((i64::from(t) * i64::from(tilt)) >> 16) as i32;
+        let product = |t: i16, tilt: i32| mul_high(i32::from(t) << 16, tilt);
         let tilted = self.ratios.map(|[tx, ty]| {
             product(tx, tip).wrapping_add(product(ty, tilt)).wrapping_add(half) >> rest
         });
@@ -197,21 +197,22 @@ impl Segment {
         }
         let (low, high) = room.interval();
         // Rounding can leave low one ulp above high when the interval is a point.
-        position.piston_ulp = wanted.min(high).max(low.min(high));
+        position.piston_ulp = larger(smaller(wanted, high), smaller(low, high));
         let mut slewed = 0;
         if travel.slews {
             let heights = room.tilted.map(|q| position.piston_ulp.wrapping_add(q));
             let steps = pairs(heights, from_ulp).map(|(to, from)| to.wrapping_sub(from));
             let motions = pairs(steps, self.influence).map(|(step, m)| motion(step, m));
             slewed = motions.into_iter().map(|m| u32::from(m > travel.slew_ulp as u32)).sum();
-            let longest = motions.into_iter().fold(0, u32::max);
-            position = towards(previous, position, scale(travel.slew_ulp, longest as i32));
+            let longest = motions.into_iter().fold(0, |longest, m| larger(longest, m as i32));
+            position = towards(previous, position, scale(travel.slew_ulp, longest));
             room = self.room(position.tilt_ulp, travel.ratio_bits);
         }
         let limits = pairs(pairs(self.lowest, self.highest), room.tilted);
         // Inside by construction but for the rounding of the last products.
-        let heights_ulp =
-            limits.map(|((low, high), q)| position.piston_ulp.wrapping_add(q).max(low).min(high));
+        let heights_ulp = limits.map(|((low, high), q)| {
+            smaller(larger(position.piston_ulp.wrapping_add(q), low), high)
+        });
         Move { position, heights_ulp, limited: Limited { saturated, slewed } }
     }
 
@@ -226,7 +227,7 @@ impl Segment {
             .map(|(((low, _), q_low), ((_, high), q_high))| {
                 scale(high.wrapping_sub(low), q_high.wrapping_sub(q_low))
             })
-            .fold(1 << 16, u32::min)
+            .fold(1 << 16, |least, scale| smaller(least, scale as i32)) as u32
     }
 }
 
@@ -261,11 +262,11 @@ fn pairs<A: Copy, B: Copy>([a0, a1, a2]: [A; 3], [b0, b1, b2]: [B; 3]) -> [(A, B
 /// is rounded down and `need` up.
 #[inline(always)]
 fn scale(room: i32, need: i32) -> u32 {
-    let fits = u32::from(need <= room.max(0)) << 16;
-    let room = (room.max(0) >> 7) as u32;
-    let need = (need.max(0).wrapping_add(127) >> 7) as u32;
+    let (room, need) = (positive(room), positive(need));
     // Rounding must not slow down what fits.
-    fixed::ratio_q16(room, need).max(fits)
+    let fits = i32::from(need <= room) << 16;
+    let ratio = fixed::ratio_q16((room >> 7) as u32, (need.wrapping_add(127) >> 7) as u32);
+    larger(ratio as i32, fits) as u32
 }
 
 /// `x scale`, scale in Q16 up to 1, rounded towards zero.

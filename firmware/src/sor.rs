@@ -155,7 +155,7 @@ impl<const M: usize> Sor<M> {
                 for ((((p, &step), &links), &rhs), sides) in nodes.zip(sides.iter()) {
                     let r = residual(*p, links, rhs, sides);
                     let next = p.wrapping_add(fixed::mul_q30(step, r));
-                    *p = next.clamp(-PISTON_LIMIT, PISTON_LIMIT);
+                    *p = fixed::clamp(next, PISTON_LIMIT);
                 }
             }
         }
@@ -203,7 +203,7 @@ impl<const M: usize> Sor<M> {
             let mean = self.means.get(usize::from(node.component)).copied().unwrap_or(0) as i32;
             if let Some(p) = self.piston.get_mut(node.padded) {
                 // |p| and |mean| are within 2^25; a pathological component may need the limit.
-                *p = p.wrapping_sub(mean).clamp(-PISTON_LIMIT, PISTON_LIMIT);
+                *p = fixed::clamp(p.wrapping_sub(mean), PISTON_LIMIT);
             }
         }
     }

@@ -113,14 +113,14 @@ pub(crate) fn row_moments(
     seen: Option<&mut Seen>,
 ) -> (u32, i32) {
     match seen {
-        None => moments(raw, floor, cut, |_, _, _| {}),
+        None => moments(raw, floor, cut, |_, _| {}),
         Some(seen) => {
             let (mut peak, mut count) = (word(&seen.peak), word(&seen.saturated));
-            let (white, last_good) = (both(cut.saturation), both(cut.top.wrapping_sub(1)));
-            let sums = moments(raw, floor, cut, |signal, raw, floor| {
+            let white = both(cut.saturation);
+            let sums = moments(raw, floor, cut, |signal, raw| {
                 peak = larger(signal, peak);
-                let good = reached(last_good, floor, ONES, 0);
-                count = count.wrapping_add(reached(raw, white, good, 0));
+                let lit = reached(signal, ONES, ONES, 0);
+                count = count.wrapping_add(reached(raw, white, lit, 0));
             });
             put_word(&mut seen.peak, peak);
             put_word(&mut seen.saturated, count);
@@ -130,12 +130,7 @@ pub(crate) fn row_moments(
 }
 
 #[inline(always)]
-fn moments(
-    raw: &[Group],
-    floor: &[Group],
-    cut: Cut,
-    note: impl FnMut(u32, u32, u32),
-) -> (u32, i32) {
+fn moments(raw: &[Group], floor: &[Group], cut: Cut, note: impl FnMut(u32, u32)) -> (u32, i32) {
     let pixels = 2 * GROUP * raw.len();
     if cut.top <= SIGNED_TOP {
         signed_moments(raw, floor, cut, note, 0)
@@ -151,7 +146,7 @@ fn signed_moments(
     raw: &[Group],
     floor: &[Group],
     cut: Cut,
-    mut note: impl FnMut(u32, u32, u32),
+    mut note: impl FnMut(u32, u32),
     flip: u32,
 ) -> (u32, i32) {
     let excess = both(cut.excess);
@@ -160,7 +155,7 @@ fn signed_moments(
     for (g, (raw, floor)) in raw.iter().zip(floor).enumerate() {
         for (k, (&raw, &floor)) in raw.iter().zip(floor).enumerate() {
             let signal = uqsub16(uqsub16(raw, floor), excess);
-            note(signal, raw, floor);
+            note(signal, raw);
             let signal = signal ^ flip;
             let first = 4 * (GROUP * g + k) as i16 - last;
             sum = smlad(signal, ONES, sum);

@@ -65,9 +65,8 @@ struct Watch {
     room: u32,
     /// Saturated pixels of each lane.
     saturated: u32,
-    /// What takes a saturated pixel's lane to its top bit, and what a good pixel's floor.
+    /// What takes a saturated pixel's lane to its top bit.
     white: u32,
-    good: u32,
 }
 
 impl Watch {
@@ -77,14 +76,13 @@ impl Watch {
             room: SIGNS.wrapping_sub(word(&seen.peak)),
             saturated: word(&seen.saturated),
             white: SIGNS.wrapping_sub(both(cut.saturation)),
-            good: SIGNS.wrapping_add(both(cut.top)).wrapping_sub(ONES),
         }
     }
 
     #[inline(always)]
-    fn note(&mut self, signal: u32, raw: u32, floor: u32) {
+    fn note(&mut self, signal: u32, raw: u32) {
         self.room = self.room.wrapping_sub(positive(signal.wrapping_add(self.room)));
-        let white = raw.wrapping_add(self.white) & self.good.wrapping_sub(floor);
+        let white = raw.wrapping_add(self.white) & signal.wrapping_add(SIGNS - ONES);
         self.saturated = self.saturated.wrapping_add((white >> 15) & ONES);
     }
 
@@ -104,23 +102,22 @@ pub(crate) fn row_moments(
     seen: Option<&mut Seen>,
 ) -> (u32, i32) {
     match seen {
-        None => moments(raw, floor, cut, |_, _, _| {}),
-        Some(seen) => {
-            let mut watch = Watch::new(seen, cut);
-            let sums = moments(raw, floor, cut, |s, raw, floor| watch.note(s, raw, floor));
-            watch.put(seen);
-            sums
-        }
+        None => moments(raw, floor, cut, |_, _| {}),
+        Some(seen) => watched_moments(raw, floor, cut, seen),
     }
 }
 
+/// Not inlined: it needs all registers.
+#[inline(never)]
+fn watched_moments(raw: &[Group], floor: &[Group], cut: Cut, seen: &mut Seen) -> (u32, i32) {
+    let mut watch = Watch::new(seen, cut);
+    let sums = moments(raw, floor, cut, |signal, raw| watch.note(signal, raw));
+    watch.put(seen);
+    sums
+}
+
 #[inline(always)]
-fn moments(
-    raw: &[Group],
-    floor: &[Group],
-    cut: Cut,
-    mut note: impl FnMut(u32, u32, u32),
-) -> (u32, i32) {
+fn moments(raw: &[Group], floor: &[Group], cut: Cut, mut note: impl FnMut(u32, u32)) -> (u32, i32) {
     let open = SIGNS.wrapping_sub(both(cut.excess));
     // Sums over the row: of signals, of signals of the upper lanes, and of the pixels' pair
     // numbers times signals.
@@ -129,7 +126,7 @@ fn moments(
         let (mut total, mut running) = (0u32, 0u32);
         for (&raw, &floor) in raw.iter().zip(floor) {
             let signal = positive(raw.wrapping_add(open).wrapping_sub(floor));
-            note(signal, raw, floor);
+            note(signal, raw);
             total = total.wrapping_add(signal);
             running = running.wrapping_add(total);
         }

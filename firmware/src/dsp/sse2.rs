@@ -87,12 +87,12 @@ struct Watch<'a>(Option<&'a mut pixels::Seen>);
 
 impl Watch<'_> {
     #[inline(always)]
-    fn note(&mut self, signal: V, raw: V, floor: V, cut: Cut) {
+    fn note(&mut self, signal: V, raw: V, cut: Cut) {
         let Some(seen) = &mut self.0 else { return };
         seen.peak = store(larger(load(&seen.peak), signal));
         let white = equal_16(saturating_sub_u16(splat(cut.saturation), raw), zero());
-        let bad = equal_16(saturating_sub_u16(splat(cut.top), floor), zero());
-        seen.saturated = store(sub_16(load(&seen.saturated), and_not(bad, white)));
+        let dark = equal_16(signal, zero());
+        seen.saturated = store(sub_16(load(&seen.saturated), and_not(dark, white)));
     }
 }
 
@@ -116,7 +116,7 @@ fn calibrated(block: Block<'_>, cut: Cut, watch: &mut Watch<'_>) -> V {
             and_not(below, flat)
         }
     };
-    watch.note(signal, raw, floor, cut);
+    watch.note(signal, raw, cut);
     signal
 }
 
@@ -195,7 +195,7 @@ pub(crate) fn floored_row_moments(
         let (pixels, floor) = (load(pixels), load(floor));
         let above = saturating_sub_u16(pixels, floor);
         let signal = saturating_sub_u16(above, splat(cut.excess));
-        watch.note(signal, pixels, floor, cut);
+        watch.note(signal, pixels, cut);
         sums.add(signal, weights(raw.len(), LANES * k));
     }
     sums.row(raw.len())
