@@ -18,6 +18,7 @@ pub mod qemu;
 pub mod remote;
 
 pub use in_process::in_process;
+pub use log::Format;
 pub use program::{BuildError, program};
 
 use process::Failure;
