@@ -1,15 +1,62 @@
 #!/usr/bin/env bash
-# Provides the two bare-metal targets and prints on stdout what to give cargo before the
-# subcommand: nothing where the active toolchain has them, `+embedded` where the distribution's
-# compiler had to stand in. Everything else goes to stderr. A second run changes nothing.
+# Provides what the boards are built and run with, and prints on stdout what to give cargo before
+# the subcommand: nothing where the active toolchain has the bare-metal targets, `+embedded` where
+# the distribution's compiler had to stand in. Everything else goes to stderr. A second run changes
+# nothing and takes a second.
+#
+# | what | from | where to |
+# |---|---|---|
+# | targets thumbv7em-none-eabihf, riscv32imc-unknown-none-elf | rustup, else packages rustc-web rust-web-src rust-web-clippy lld-19 | rustup, else toolchain `embedded` in the cache |
+# | QEMU (Cortex-M7) | package qemu-system-arm | the system |
+# | Verilator and what it builds with | packages verilator g++ make | the system |
+# | Ibex (soft core) | Python package pythondata-cpu-ibex, unpacked | the cache |
+#
+# The cache is ${XDG_CACHE_HOME:-~/.cache}/splash-embedded. Only packages need root, or sudo that asks
+# nothing.
 set -euo pipefail
 
 targets=(thumbv7em-none-eabihf riscv32imc-unknown-none-elf)
-home=${XDG_CACHE_HOME:-$HOME/.cache}/splash-embedded
+ibex_version=0.0.post2937
+cache=${XDG_CACHE_HOME:-$HOME/.cache}/splash-embedded
+home=$cache/toolchain
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 say() { echo "toolchain: $*" >&2; }
 die() { say "$*"; exit 1; }
+
+# --- emulator, simulator and soft core ---
+
+# A program of the system, from a package of its name unless others are given.
+program() { # program COMMAND [PACKAGE...]
+  local command=$1
+  shift
+  if command -v "$command" >/dev/null; then return; fi
+  say "$command is missing: it comes with the package(s) ${*:-$command}"
+  "$here/apt.sh" "${@:-$command}" || die "cannot install ${*:-$command}, which bring $command"
+}
+
+program qemu-system-arm
+program verilator
+program g++
+program make
+
+# The sources are data: nothing is installed in Python, and any Python can fetch them.
+ibex=$cache/ibex
+if [ "$(cat "$ibex/version" 2>/dev/null)" != "$ibex_version" ]; then
+  say "Ibex $ibex_version into $ibex"
+  program python3
+  python3 -m pip --version >/dev/null 2>&1 || "$here/apt.sh" python3-pip ||
+    die "cannot install python3-pip, which fetches pythondata-cpu-ibex"
+  python3 -m pip download -q --disable-pip-version-check --no-deps --dest "$work" \
+    "pythondata-cpu-ibex==$ibex_version" >&2 || die "pip cannot fetch pythondata-cpu-ibex $ibex_version"
+  rm -rf "$ibex"
+  mkdir -p "$ibex"
+  python3 -m zipfile -e "$work"/pythondata_cpu_ibex-*.whl "$ibex"
+  echo "$ibex_version" >"$ibex/version"
+fi
+
+# --- bare-metal targets ---
 
 # A compiled function is the stamp: it cannot outlive an upgrade of the compiler, as a file could.
 works() {
@@ -34,7 +81,7 @@ fi
 say "rustup cannot provide them: $(grep -m1 -i error "$work/rustup.log" || echo 'no answer in time')"
 
 # The fallback: the distribution's compiler, with its own source, builds `core` for the targets.
-"$(dirname "${BASH_SOURCE[0]}")/apt.sh" rustc-web rust-web-src rust-web-clippy lld-19 ||
+"$here/apt.sh" rustc-web rust-web-src rust-web-clippy lld-19 ||
   die "neither rustup nor the distribution provides ${targets[*]}"
 
 say "building core for ${targets[*]} in $home"

@@ -33,6 +33,9 @@ pub const MAX_WINDOW: usize = 32;
 /// Smallest window, pixels on a side.
 pub const MIN_WINDOW: usize = 4;
 
+/// Largest centroid, Q16: twice the largest window bounds any that means something.
+pub const CENTROID_LIMIT: i32 = (2 * MAX_WINDOW as i32) << CENTROID_BITS;
+
 /// How a window becomes a centroid, in fixed point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum EstimatorConfig {
@@ -49,7 +52,7 @@ pub(crate) enum EstimatorConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Measurement {
-    /// Centroid x, y from the window's centre, pixels in Q16.
+    /// Centroid x, y from the window's centre, pixels in Q16, within +-64 pixels.
     pub centroid_q16: [i32; 2],
     /// Sum of the thresholded signal, calibrated units; with the weighted estimator, of the
     /// weighted signal.
@@ -185,45 +188,61 @@ pub(crate) fn calibrated_row_moments(
     row_moments(signal.iter().map(|&s| u32::from(s)))
 }
 
-/// [`calibrated_row_moments`] of a bank that has only floors.
+/// Sum and x moment of one raw window row of a bank that has only floors. `N` is half the window's
+/// size, or 0 for any.
 #[inline(always)]
-pub(crate) fn floored_row_moments(
+pub(crate) fn floored_row_moments<const N: usize>(
     raw: &[u16],
     floor: &[u16],
     cut: Cut,
-    seen: Option<&mut Seen>,
 ) -> (u32, i32) {
     #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
     if raw.len().is_multiple_of(crate::dsp::sse2::LANES) {
-        return crate::dsp::sse2::floored_row_moments(raw, floor, cut, seen);
+        return crate::dsp::sse2::floored_row_moments(raw, floor, cut);
     }
     #[cfg(target_arch = "riscv32")]
-    if let Some((raw, floor)) = crate::dsp::rv32::packed(raw, floor, cut) {
-        return crate::dsp::rv32::row_moments(raw, floor, cut, seen);
+    if let Some((raw, floor)) = crate::dsp::rv32::packed::<N>(raw, floor, cut) {
+        return crate::dsp::rv32::row_moments(raw, floor, cut);
     }
-    #[cfg(all(target_arch = "arm", target_feature = "dsp"))]
-    if let Some((raw, floor)) = crate::dsp::armv7em::packed(raw, floor) {
-        return crate::dsp::armv7em::row_moments(raw, floor, cut, seen);
+    #[cfg(armv7em)]
+    if let Some((raw, floor)) = crate::dsp::armv7em::packed::<N>(raw, floor) {
+        return crate::dsp::armv7em::row_moments(raw, floor, cut);
     }
-    portable_floored_row_moments(raw, floor, cut, seen)
+    portable_floored_row_moments(raw, floor, cut)
 }
 
 /// [`floored_row_moments`] without vector instructions.
 #[inline(always)]
-pub(crate) fn portable_floored_row_moments(
-    raw: &[u16],
-    floor: &[u16],
-    cut: Cut,
-    seen: Option<&mut Seen>,
-) -> (u32, i32) {
+pub(crate) fn portable_floored_row_moments(raw: &[u16], floor: &[u16], cut: Cut) -> (u32, i32) {
+    row_moments(signals(raw, floor, cut))
+}
+
+/// The signals of a row of a bank that has only floors.
+#[inline(always)]
+pub(crate) fn signals(raw: &[u16], floor: &[u16], cut: Cut) -> impl ExactSizeIterator<Item = u32> {
     let excess = i32::from(cut.excess);
-    let signal = |(&raw, &floor): (&u16, &u16)| {
+    raw.iter().zip(floor).map(move |(&raw, &floor)| {
         fixed::positive(i32::from(raw) - i32::from(floor) - excess) as u32
-    };
-    if let Some(seen) = seen {
-        seen.note(raw.iter().zip(floor).map(signal), raw, cut);
+    })
+}
+
+/// Adds a watched row of a bank that has only floors to what was seen. `N` as in
+/// [`floored_row_moments`].
+#[inline(always)]
+pub(crate) fn note_floored<const N: usize>(raw: &[u16], floor: &[u16], cut: Cut, seen: &mut Seen) {
+    #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
+    if raw.len().is_multiple_of(crate::dsp::sse2::LANES) {
+        return crate::dsp::sse2::note_floored(raw, floor, cut, seen);
     }
-    row_moments(raw.iter().zip(floor).map(signal))
+    #[cfg(target_arch = "riscv32")]
+    if let Some((raw, floor)) = crate::dsp::rv32::packed::<N>(raw, floor, cut) {
+        return crate::dsp::rv32::note(raw, floor, cut, seen);
+    }
+    #[cfg(armv7em)]
+    if let Some((raw, floor)) = crate::dsp::armv7em::packed::<N>(raw, floor) {
+        return crate::dsp::armv7em::note(raw, floor, cut, seen);
+    }
+    seen.note(signals(raw, floor, cut), raw, cut);
 }
 
 /// Fraction bits of the two weights of a pixel, its column's and its row's.
@@ -311,9 +330,7 @@ impl Template {
 pub(crate) fn unweighted(centre: i32, measured_q16: i32, gain_q12: i32) -> i32 {
     let c = centre.wrapping_shl(CENTROID_BITS - 3);
     let step = i64::from(measured_q16.wrapping_sub(c)) * i64::from(gain_q12);
-    // Twice the largest window bounds any centroid that means something.
-    let limit = (2 * MAX_WINDOW as i32) << CENTROID_BITS;
-    fixed::saturate(i64::from(c) + fixed::round_shift(step, 12), limit)
+    fixed::saturate(i64::from(c) + fixed::round_shift(step, 12), CENTROID_LIMIT)
 }
 
 /// The (n+1)-th largest of `signal`, each below 2^bits: the largest t that at least n + 1 pixels

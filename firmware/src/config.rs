@@ -84,7 +84,8 @@ impl<const M: usize, const P: usize, const B: usize> Default for Config<M, P, B>
 }
 
 impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
-    /// A configuration without subapertures: every frame is held.
+    /// A configuration without subapertures: every frame is held. All zeros, so that a `static` one
+    /// takes no place in an image.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -108,13 +109,13 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             nodes: heapless::Vec::new(),
             sor: SorConfig::EMPTY,
             segments: heapless::Vec::new(),
-            travel: Travel { ratio_bits: 10, slew_ulp: 0, tilts_shrink: false, slews: false },
+            travel: Travel { ratio_bits: 0, slew_ulp: 0, tilts_shrink: false, slews: false },
             drive: Drive { law: Law::Linear, spare_bits: 0 },
             responses: heapless::Vec::new(),
             timing: GateTiming { delay_ns: 0, width_ns: 0, period_ns: 0, pulses_per_frame: 0 },
             lsb_m: 0.0,
-            adu_per_unit: 1.0,
-            omega: 1.0,
+            adu_per_unit: 0.0,
+            omega: 0.0,
         }
     }
 
@@ -148,8 +149,9 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.bits = spec.detector.bits;
         self.window = usize::from(spec.windows.size);
         self.estimator = estimator;
-        if let Some(fwhm_px) = weight_fwhm_px {
-            self.template.fill(fwhm_px);
+        match weight_fwhm_px {
+            Some(fwhm_px) => self.template.fill(fwhm_px),
+            None => self.template = Template::EMPTY,
         }
         self.concurrent = concurrent;
         self.gain_exponent = quantiser.gain_exponent;

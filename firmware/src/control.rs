@@ -19,7 +19,7 @@
 //! saturated to +-2^23. The mean is the sum (below 1600 x 2^25 < 2^36) times the floor of 2^24 /
 //! count: low by less than 1e-4 of itself, far below what the next frame removes again.
 
-use crate::fixed::{self, TILT_LIMIT};
+use crate::fixed::{self, TILT_LIMIT, mul_high};
 use crate::geometry::Grid;
 use crate::redblack::{COLOURS, RedBlack};
 use crate::slopes::{MeanSlope, Slope};
@@ -57,24 +57,30 @@ pub(crate) struct Control<const M: usize> {
     /// What the mirror showed in the last frames, a ring; `newest` is its head.
     applied: [[[i32; 2]; M]; HISTORY],
     newest: usize,
-    /// Tip and tilt on the padded grid: x while the gaps are filled, then c.
+    /// Tip and tilt on the padded grid: x where it was measured, then c.
     field: [RedBlack<i32, M>; 2],
-    /// [`PRESENT`], [`MEASURED`] and [`FED`], per padded node.
+    /// Tip and tilt that a subaperture without a measurement gets from its neighbours; zero
+    /// elsewhere.
+    filled: [RedBlack<i32, M>; 2],
+    /// [`MEASURED`], [`GAP`] or zero, per padded node.
     status: RedBlack<i32, M>,
+    /// 1 for a subaperture that got something from its neighbours, else 0.
+    fed: RedBlack<u8, M>,
 }
 
 /// Length of the ring of applied commands: a power of two, so that its head wraps by a mask.
 const HISTORY: usize = MAX_DELAY + 1;
 
-/// Status bit: the node is a subaperture.
-const PRESENT: i32 = 1;
-/// Status bit: it was measured in this frame.
-const MEASURED: i32 = 2;
-/// Status bit: one of its neighbours was.
-const FED: i32 = 4;
+/// Status of a subaperture that was measured in this frame: four of them add up in the lower half.
+const MEASURED: i32 = 1;
+/// Status of a subaperture that was not.
+const GAP: i32 = 1 << 16;
 
-/// Floor of 2^16 / n for the mean over up to four neighbours; 0 for none.
-const INVERSE: [i32; 5] = [0, 65536, 32768, 21845, 16384];
+/// Floor of 2^29 / n for the mean over up to four neighbours; 0 for none.
+const INVERSE: [i32; 5] = [0, 1 << 29, 1 << 28, (1 << 29) / 3, 1 << 27];
+/// Bits by which a sum of four x is shifted up, so that the upper half of its product with
+/// [`INVERSE`] is their mean.
+const INVERSE_SHIFT: u32 = 3;
 
 impl<const M: usize> Control<M> {
     pub(crate) const fn new() -> Self {
@@ -83,7 +89,9 @@ impl<const M: usize> Control<M> {
             applied: [[[0; 2]; M]; HISTORY],
             newest: 0,
             field: [const { RedBlack::new(0) }; 2],
+            filled: [const { RedBlack::new(0) }; 2],
             status: RedBlack::new(0),
+            fed: RedBlack::new(0),
         }
     }
 
@@ -105,7 +113,7 @@ impl<const M: usize> Control<M> {
         for ((slope, applied), node) in slopes.iter().zip(exposed).zip(nodes) {
             let valid = i32::from(slope.valid);
             valid_count += valid as u32;
-            put(&mut self.status, *node, PRESENT | (valid * MEASURED));
+            put(&mut self.status, *node, valid * MEASURED + (1 - valid) * GAP);
             let terms = slope.tilt_ulp.iter().zip(applied).zip(&mut self.field).zip(&mut sums);
             for (((&s, &applied), field), sum) in terms {
                 let x = s.wrapping_add(applied).wrapping_mul(valid);
@@ -116,10 +124,10 @@ impl<const M: usize> Control<M> {
         let inverse = removal(config.mean, valid_count);
         for (field, sum) in self.field.iter_mut().zip(sums) {
             let mean = mean(sum, inverse);
-            for node in nodes {
-                let status = self.status.get(node.padded).copied().unwrap_or(0);
+            for (slope, node) in slopes.iter().zip(nodes) {
                 if let Some(x) = field.get_mut(node.padded) {
-                    *x = x.wrapping_sub(mean).wrapping_mul(measured(status));
+                    // Only what was measured: a gap stays zero.
+                    *x = x.wrapping_sub(mean.wrapping_mul(i32::from(slope.valid)));
                 }
             }
         }
@@ -127,54 +135,56 @@ impl<const M: usize> Control<M> {
         self.integrate(slopes, gains, nodes, inverse);
     }
 
-    /// Gives every subaperture that was not measured the mean x of its measured neighbours.
+    /// Gives every subaperture that was not measured the mean x of its measured neighbours, rounded
+    /// down.
     ///
-    /// One pass: a filled subaperture feeds none. The field is zero where nothing was measured,
-    /// but a red node filled in this pass must not feed a black one: hence the weights.
+    /// One pass: a filled subaperture feeds none, since `field` is zero where nothing was measured.
     fn fill_gaps(&mut self, grid: &Grid) {
+        let [filled_tip, filled_tilt] = &mut self.filled;
+        let [tip, tilt] = &self.field;
         for colour in COLOURS {
-            let (own, sides) = self.status.nodes_and_sides(grid, colour);
-            for (own, [w, e, n, s]) in own.iter_mut().zip(sides.iter()) {
-                *own |= measured(w | e | n | s) * FED;
-            }
-        }
-        for field in &mut self.field {
-            for colour in COLOURS {
-                let status = self.status.nodes(grid, colour).iter();
-                let beside = self.status.sides(grid, colour).iter();
-                let (own, sides) = field.nodes_and_sides(grid, colour);
-                for ((x, &status), (sides, beside)) in
-                    own.iter_mut().zip(status).zip(sides.iter().zip(beside))
-                {
-                    let weights = beside.map(measured);
-                    let near = sides.iter().zip(weights).fold(0i64, |sum, (&x, weight)| {
-                        sum.wrapping_add(i64::from(x.wrapping_mul(weight)))
-                    });
-                    let count: i32 = weights.iter().sum();
-                    let inverse = INVERSE.get(count as usize).copied().unwrap_or(0);
-                    let mean = fixed::round_shift(near.wrapping_mul(inverse.into()), 16) as i32;
-                    let gap = (status & PRESENT) & !measured(status);
-                    *x = x.wrapping_add(mean.wrapping_mul(gap));
-                }
+            let status = self.status.nodes(grid, colour).iter();
+            let status = status.zip(self.status.sides(grid, colour).iter());
+            let x = tip.sides(grid, colour).iter().zip(tilt.sides(grid, colour).iter());
+            let filled_tip = filled_tip.nodes_mut(grid, colour).iter_mut();
+            let filled = filled_tip.zip(filled_tilt.nodes_mut(grid, colour));
+            let filled = filled.zip(self.fed.nodes_mut(grid, colour));
+            for (((&status, beside), (tip, tilt)), ((filled_tip, filled_tilt), fed)) in
+                status.zip(x).zip(filled)
+            {
+                let count = sum(beside) & (GAP - 1);
+                let inverse = INVERSE.get(count as usize).copied().unwrap_or(0);
+                let weight = inverse.wrapping_mul(status / GAP);
+                *fed = u8::from(weight > 0);
+                // |x| < 2^26: four of them, shifted, stay below 2^31.
+                *filled_tip = mul_high(sum(tip) << INVERSE_SHIFT, weight);
+                *filled_tilt = mul_high(sum(tilt) << INVERSE_SHIFT, weight);
             }
         }
     }
 
     /// The state's step, its mean's removal, and the state into the field.
+    ///
+    /// A subaperture without a measurement holds where its neighbours have none either: their mean
+    /// is then zero, and so is what they are weighted with.
     fn integrate(&mut self, slopes: &[Slope], gains: &[Gains], nodes: &[Node], inverse: i64) {
         let mut sums = [0i64; 2];
         for (((slope, gain), node), command) in
             slopes.iter().zip(gains).zip(nodes).zip(&mut self.command)
         {
-            let known = self.status.get(node.padded).is_some_and(|&v| v & (MEASURED | FED) != 0);
-            for ((c, field), sum) in command.iter_mut().zip(&self.field).zip(&mut sums) {
-                let x = field.get(node.padded).copied().unwrap_or(0);
+            let valid = i32::from(slope.valid);
+            let known = valid | self.fed.get(node.padded).map_or(0, |&fed| i32::from(fed));
+            let x = self.field.iter().zip(&self.filled).map(|(field, filled)| {
+                let at = |field: &RedBlack<i32, M>| field.get(node.padded).copied().unwrap_or(0);
+                at(field).wrapping_add(at(filled))
+            });
+            for ((c, x), sum) in command.iter_mut().zip(x).zip(&mut sums) {
                 let next =
                     i64::from(gain.keep) * i64::from(*c) + i64::from(gain.take) * i64::from(x);
                 // Within 2^29.
                 let next = fixed::clamp(fixed::round_shift(next, GAIN_BITS) as i32, TILT_LIMIT);
-                *c = if known { next } else { *c };
-                *sum = sum.wrapping_add(i64::from(c.wrapping_mul(i32::from(slope.valid))));
+                *c = c.wrapping_add(next.wrapping_sub(*c).wrapping_mul(known));
+                *sum = sum.wrapping_add(i64::from(c.wrapping_mul(valid)));
             }
         }
         let means = sums.map(|sum| mean(sum, inverse));
@@ -224,14 +234,15 @@ impl<const M: usize> Control<M> {
         self.applied = [[[0; 2]; M]; HISTORY];
         // Another mask may follow: what it leaves out has to be zero.
         self.field.iter_mut().for_each(|field| field.fill(0));
+        self.filled.iter_mut().for_each(|field| field.fill(0));
         self.status.fill(0);
+        self.fed.fill(0);
     }
 }
 
-/// 1 if the status says that the node was measured, else 0.
 #[inline(always)]
-const fn measured(status: i32) -> i32 {
-    (status & MEASURED) / MEASURED
+fn sum([west, east, north, south]: [i32; 4]) -> i32 {
+    west.wrapping_add(east).wrapping_add(north).wrapping_add(south)
 }
 
 #[inline(always)]

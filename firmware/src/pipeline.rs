@@ -28,7 +28,7 @@ pub use crate::probe::{Probe, Stage};
 use crate::readout::Readout;
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
 use crate::segments::{ACTUATORS, Position};
-use crate::slopes::{self, Slope};
+use crate::slopes::{self, Slope, SlopeScale};
 use crate::sor::{Node, Sor};
 
 /// Largest piston handed to a segment, ulp: beyond any stroke, and inside the segments' bounds.
@@ -155,7 +155,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         self.frame = frame;
         self.extra_rows = 0;
         self.phase = Phase::Reading;
-        self.readout.begin();
+        self.readout.begin(config.subapertures());
     }
 
     /// Takes the next detector row, raw ADU below 2^bits.
@@ -285,9 +285,10 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         report: &mut Report,
     ) -> Option<Hold> {
         self.readout.commit(config);
+        let scale = SlopeScale::new(config.gain_exponent);
         let measured = self.readout.measurements().iter().zip(&config.slopes);
         for (slope, (measurement, calibration)) in self.slopes.iter_mut().zip(measured) {
-            *slope = slopes::slope(calibration, config.gain_exponent, measurement);
+            *slope = slopes::slope(calibration, scale, measurement);
             report.valid += u16::from(slope.valid);
             report.saturated_pixels += u32::from(measurement.saturated);
         }

@@ -41,9 +41,9 @@ pub enum Convention {
     ZeroBelow,
 }
 
-/// Rows of a window in which its peak is looked for: two on either side of the last centroid, or
-/// all of a window of four. A spot is two pixels wide at half maximum where a pixel is lambda/2d.
-pub const WATCHED: usize = 4;
+/// Rows of a window in which its peak is looked for: the one of the last centroid and its nearer
+/// neighbour. A spot is two pixels wide at half maximum where a pixel is lambda/2d.
+pub const WATCHED: usize = 2;
 
 /// The calibration of one pixel, as it is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,7 +104,7 @@ impl<const P: usize> Bank<P> {
             loss: heapless::Vec::new(),
             threshold: heapless::Vec::new(),
             threshold_shift: 0,
-            saturation: u16::MAX,
+            saturation: 0,
             convention: Convention::Subtract,
             top: 0,
             flat_field: false,
@@ -162,10 +162,18 @@ impl<const P: usize> Bank<P> {
         })
     }
 
-    /// The floors alone of [`Bank::row`].
+    /// The floors of windows `first .. next`, `area` each, one window after the other.
     #[inline(always)]
-    pub(crate) fn floor_row(&self, start: usize, window: usize) -> Option<&[u16]> {
-        self.floor.get(start..start.wrapping_add(window))
+    pub(crate) fn floors_of(
+        &self,
+        first: usize,
+        next: usize,
+        area: usize,
+    ) -> impl Iterator<Item = &[u16]> {
+        let area = area.max(1);
+        let all = first.wrapping_mul(area)..next.wrapping_mul(area);
+        // Beyond the end, where a validated configuration never asks, there are no windows.
+        self.floor.get(all).unwrap_or_default().chunks_exact(area)
     }
 
     /// Whether signals are raw values less a floor.
@@ -228,7 +236,11 @@ pub(crate) struct Cut {
     pub(crate) convention: Convention,
     /// Binary exponent of the stored thresholds.
     pub(crate) shift: u32,
-    /// Highest raw value.
+    /// Highest raw value: what a packed kernel's lanes must hold.
+    #[cfg_attr(
+        not(any(armv7em, target_arch = "riscv32", test)),
+        allow(dead_code, reason = "no kernel asks for it")
+    )]
     pub(crate) top: u16,
     /// Raw value from which a pixel counts as saturated, ADU; at least 1.
     pub(crate) saturation: u16,

@@ -6,10 +6,11 @@
 //! frame nothing is left to do here.
 
 use crate::centroid::{
-    self, EstimatorConfig, MAX_WINDOW, Measurement, Moments, Template, WeightedMoments,
+    self, CENTROID_LIMIT, EstimatorConfig, MAX_WINDOW, Measurement, Moments, Template,
+    WeightedMoments,
 };
 use crate::config::{Config, Slot};
-use crate::pixels::{self, Convention, Noted, Seen, WATCHED};
+use crate::pixels::{self, Convention, Cut, Noted, Seen, WATCHED};
 
 /// What is kept of a window between its rows, and from frame to frame.
 #[derive(Clone, Copy, Debug)]
@@ -33,20 +34,22 @@ struct Weighted {
 impl Window {
     const NEW: Self = Self { moments: Moments::ZERO, seen: Seen::NOTHING, excess: 0, watched: 0 };
 
-    /// Starts with window row 0.
+    /// Forgets the rows of the last frame.
     #[inline(always)]
-    fn start(&mut self, y: usize) {
-        if y == 0 {
-            self.moments = Moments::ZERO;
-            self.seen = Seen::NOTHING;
-        }
+    fn start(&mut self) {
+        self.moments = Moments::ZERO;
+        self.seen = Seen::NOTHING;
+    }
+
+    #[inline(always)]
+    fn watches(&self, y: usize) -> bool {
+        y.wrapping_sub(usize::from(self.watched)) < WATCHED
     }
 
     /// What a watched row adds to.
     #[inline(always)]
     fn watch(&mut self, y: usize) -> Option<&mut Seen> {
-        let watched = y.wrapping_sub(usize::from(self.watched)) < WATCHED;
-        watched.then_some(&mut self.seen)
+        self.watches(y).then_some(&mut self.seen)
     }
 
     /// The measurement, of `moments` or its own.
@@ -111,14 +114,15 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     }
 
     /// Starts a frame; what was measured of an unfinished one is dropped.
-    pub(crate) fn begin(&mut self) {
+    pub(crate) fn begin(&mut self, windows: usize) {
         self.row = 0;
         self.active = [0; 2];
+        self.windows.iter_mut().take(windows).for_each(Window::start);
     }
 
     /// Forgets thresholds and centres as well.
     pub(crate) fn reset(&mut self, window: usize) {
-        self.begin();
+        self.begin(0);
         let watched = centroid::first_watched(window, 0);
         self.windows.fill(Window { watched, ..Window::NEW });
         self.weighted.fill(Weighted::NEW);
@@ -133,34 +137,92 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     /// Takes the next row, which has the detector's width.
     #[inline]
     pub(crate) fn push<const P: usize>(&mut self, config: &Config<M, P, B>, pixels: &[u16]) {
+        let met = self.meet(config);
         // The common sizes get loops of known length; the results are the same.
-        match config.window {
-            8 => self.rows_of::<8, P>(config, pixels),
-            16 => self.rows_of::<16, P>(config, pixels),
-            _ => self.rows_of::<0, P>(config, pixels),
+        let only_floors = config.bank.only_floors()
+            && matches!(config.estimator, EstimatorConfig::CentreOfGravity { .. });
+        match (config.window, only_floors) {
+            (8, true) => self.floored_rows::<8, 4, P>(config, met, pixels),
+            (16, true) => self.floored_rows::<16, 8, P>(config, met, pixels),
+            (_, true) => self.floored_rows::<0, 0, P>(config, met, pixels),
+            (8, false) => self.rows_of::<8, P>(config, met, pixels),
+            (16, false) => self.rows_of::<16, P>(config, met, pixels),
+            (_, false) => self.rows_of::<0, P>(config, met, pixels),
         }
         self.row = self.row.wrapping_add(1);
     }
 
-    /// Adds the row to every window it meets. `W` is the window's size, or 0 for any.
+    /// First window that the row meets, and first that it does not meet any more.
     #[inline(always)]
-    fn rows_of<const W: usize, const P: usize>(
-        &mut self,
-        config: &Config<M, P, B>,
-        pixels: &[u16],
-    ) {
-        let size = if W == 0 { config.window } else { W };
-        let area = size * size;
+    fn meet<const P: usize>(&mut self, config: &Config<M, P, B>) -> [usize; 2] {
         let [first, next] = &mut self.active;
         let starts = |slot: &Slot| slot.y0 <= self.row;
         while config.slots.get(*next).is_some_and(starts) {
             *next += 1;
         }
-        let ended = |slot: &Slot| usize::from(slot.y0) + size <= usize::from(self.row);
+        let ended = |slot: &Slot| usize::from(slot.y0) + config.window <= usize::from(self.row);
         while config.slots.get(*first).is_some_and(ended) {
             *first += 1;
         }
-        let (first, next, row) = (*first, *next, self.row);
+        self.active
+    }
+
+    /// Adds the row to every window it meets, for centre of gravity above floors. `W` is the
+    /// window's size and `N` half of it, or both 0 for any.
+    ///
+    /// Not inlined: it needs all registers.
+    #[inline(never)]
+    fn floored_rows<const W: usize, const N: usize, const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        [first, next]: [usize; 2],
+        pixels: &[u16],
+    ) {
+        let size = if W == 0 { config.window } else { W };
+        let row = self.row;
+        let slots = config.slots.get(first..next).unwrap_or_default();
+        let windows = self.windows.get_mut(first..next).unwrap_or_default();
+        let [done, new] = &mut self.measurements;
+        let measurements = if self.complete == 0 { new } else { done };
+        let shared = Shared { subtracts: true, short_sums: config.short_sums };
+        let base = config.bank.cut(0);
+        for ((slot, window), floors) in
+            slots.iter().zip(windows).zip(config.bank.floors_of(first, next, size * size))
+        {
+            let y = usize::from(row.wrapping_sub(slot.y0));
+            let x0 = usize::from(slot.x0);
+            // Both are there in a validated configuration and a row of the right length.
+            let (Some(raw), Some(floor)) =
+                (pixels.get(x0..x0 + size), floors.get(y * size..y * size + size))
+            else {
+                continue;
+            };
+            let cut = Cut { excess: window.excess, ..base };
+            let sums = centroid::floored_row_moments::<N>(raw, floor, cut);
+            window.moments.add_row(size, y, sums);
+            if window.watches(y) {
+                centroid::note_floored::<N>(raw, floor, cut, &mut window.seen);
+            }
+            if y + 1 == size {
+                let measurement = window.measurement(&window.moments, window.moments.sum, &shared);
+                if let Some(place) = measurements.get_mut(usize::from(slot.subaperture)) {
+                    *place = measurement;
+                }
+            }
+        }
+    }
+
+    /// Adds the row to every window it meets. `W` is the window's size, or 0 for any.
+    #[inline(never)]
+    fn rows_of<const W: usize, const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        [first, next]: [usize; 2],
+        pixels: &[u16],
+    ) {
+        let size = if W == 0 { config.window } else { W };
+        let area = size * size;
+        let row = self.row;
         let slots = config.slots.get(first..next).unwrap_or_default();
         let windows = self.windows.get_mut(first..next).unwrap_or_default();
         let [done, new] = &mut self.measurements;
@@ -175,7 +237,6 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         let lines = slots.iter().zip(windows).enumerate().filter_map(|(k, (slot, window))| {
             let y = usize::from(row.wrapping_sub(slot.y0));
             let x0 = usize::from(slot.x0);
-            window.start(y);
             Some((slot, window, y, (first + k) * area + y * size, pixels.get(x0..x0 + size)?))
         });
         let mut finish = |slot: &Slot, measurement| {
@@ -184,18 +245,6 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             }
         };
         match config.estimator {
-            EstimatorConfig::CentreOfGravity { .. } if bank.only_floors() => {
-                for (slot, window, y, place, raw) in lines {
-                    let Some(floor) = bank.floor_row(place, size) else { continue };
-                    let cut = bank.cut(window.excess);
-                    let sums = centroid::floored_row_moments(raw, floor, cut, window.watch(y));
-                    window.moments.add_row(size, y, sums);
-                    if y + 1 == size {
-                        let moments = window.moments;
-                        finish(slot, window.measurement(&moments, moments.sum, &shared));
-                    }
-                }
-            }
             EstimatorConfig::CentreOfGravity { .. } => {
                 for (slot, window, y, place, raw) in lines {
                     let Some(row) = bank.row(place, size) else { continue };
@@ -252,14 +301,17 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         }
     }
 
-    /// Takes measurements made elsewhere in place of a frame's rows.
+    /// Takes measurements made elsewhere in place of a frame's rows; centroids saturate.
     pub(crate) fn supply<const P: usize>(
         &mut self,
         config: &Config<M, P, B>,
         measurements: &[Measurement],
     ) {
         if let Some(new) = self.measurements.get_mut(1 - self.complete) {
-            new.iter_mut().zip(measurements).for_each(|(place, &new)| *place = new);
+            for (place, &new) in new.iter_mut().zip(measurements) {
+                let bound = |c: i32| c.clamp(-CENTROID_LIMIT, CENTROID_LIMIT);
+                *place = Measurement { centroid_q16: new.centroid_q16.map(bound), ..new };
+            }
         }
         self.row = config.height;
     }

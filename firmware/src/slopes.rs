@@ -7,8 +7,10 @@
 //! `c` in Q16 pixels; `s` is the tip (x) and tilt (y) of the segment as its centre-to-edge optical
 //! path difference in ulp, so that the path difference across the edge between neighbours i and j
 //! is exactly s_i + s_j. The 2 x 2 matrix carries pixel scale, rotation, flips and centroid gain:
-//! 16-bit mantissas under one exponent for all, products in i64 (2^15 x 2^33 x 2 = 2^49), rounded
-//! once, saturated to +-2^23 ulp.
+//! 16-bit mantissas under one exponent e for all. |c - reference| < 2^23 (64 px and 32 px), so that
+//! the upper halves of the two products, 2^9 below their scale, add up to less than 2^31; the sum is
+//! rounded once and saturated to +-2^23 ulp. Up to e = 6 (2^21 ulp a pixel, 64 pixels a stroke) that
+//! is within 1 ulp of the exact product; beyond, within 2^(e-6).
 
 use crate::centroid::Measurement;
 use crate::fixed::{self, CENTROID_BITS, TILT_LIMIT};
@@ -47,23 +49,50 @@ pub struct Slope {
     pub valid: bool,
 }
 
-/// The slope that a measurement stands for; `exponent` is that of the gain's mantissas, 0 to 15.
+/// Exponent of the gains' mantissas as shifts of the products.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct SlopeScale {
+    /// Towards smaller numbers, and the half that rounds.
+    right: u32,
+    half: i32,
+    /// Towards larger ones, and the limit before it.
+    left: u32,
+    limit: i32,
+}
+
+/// Bits that an upper half of a product drops: 32 less what both factors are shifted up by.
+const DROPPED: u32 = 9;
+/// Bits that a centroid's difference has free above it.
+const HEADROOM: u32 = 7;
+
+impl SlopeScale {
+    /// For gains of mantissa times 2^exponent ulp a pixel, 0 to 15.
+    pub(crate) const fn new(exponent: u32) -> Self {
+        let (down, up) = (CENTROID_BITS - DROPPED, exponent);
+        let (right, left) = (down.saturating_sub(up), up.saturating_sub(down));
+        // One more than half: each of two products has been rounded down by half of one on average.
+        let half = if right > 0 { (1 << right >> 1) + 1 } else { 1 };
+        Self { right, half, left, limit: TILT_LIMIT >> left }
+    }
+}
+
+/// The slope that a measurement stands for.
 #[inline]
 pub(crate) fn slope(
     calibration: &SlopeCalibration,
-    exponent: u32,
+    scale: SlopeScale,
     measurement: &Measurement,
 ) -> Slope {
     let [cx, cy] = measurement.centroid_q16;
     let [rx, ry] = calibration.reference_q16;
-    // 64 bits: a centroid from elsewhere may be any i32. The products stay below 2^49.
-    let (x, y) = (i64::from(cx) - i64::from(rx), i64::from(cy) - i64::from(ry));
-    let shift = CENTROID_BITS - exponent;
+    let (x, y) = (cx.wrapping_sub(rx) << HEADROOM, cy.wrapping_sub(ry) << HEADROOM);
     let tilt_ulp = calibration.gain.map(|[gx, gy]| {
-        let product = i64::from(gx) * x + i64::from(gy) * y;
-        fixed::saturate(fixed::round_shift(product, shift), TILT_LIMIT)
+        let product = |gain: i16, c: i32| fixed::mul_high(i32::from(gain) << 16, c);
+        let sum = product(gx, x).wrapping_add(product(gy, y));
+        let tilt = sum.wrapping_add(scale.half) >> scale.right;
+        fixed::clamp(tilt, scale.limit) << scale.left
     });
     let flux = measurement.flux;
-    let valid = flux >= calibration.flux_min && flux <= calibration.flux_max;
+    let valid = (flux >= calibration.flux_min) & (flux <= calibration.flux_max);
     Slope { tilt_ulp, valid }
 }

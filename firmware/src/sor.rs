@@ -48,20 +48,20 @@ pub struct SorConfig<const M: usize> {
     pub(crate) sizes: heapless::Vec<u16, M>,
 }
 
-/// What a node's neighbourhood looks like, in one byte: degree in bits 0-2, n_w - n_e + 1 in
-/// bits 3-4, n_n - n_s + 1 in bits 5-6.
+/// What a node's neighbourhood looks like, in one byte: degree in bits 0-2, n_w - n_e in bits 3-4
+/// and n_n - n_s in bits 5-6, both signed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Links(u8);
 
 impl Links {
     /// A place without a node.
-    pub(crate) const NONE: Self = Self(0b010_1000);
+    pub(crate) const NONE: Self = Self(0);
 
     /// From the presence of the neighbours to the west, east, north and south.
     pub(crate) const fn new([west, east, north, south]: [bool; 4]) -> Self {
         let degree = west as u8 + east as u8 + north as u8 + south as u8;
-        let dx = 1 + west as u8 - east as u8;
-        let dy = 1 + north as u8 - south as u8;
+        let dx = (west as u8).wrapping_sub(east as u8) & 3;
+        let dy = (north as u8).wrapping_sub(south as u8) & 3;
         Self(degree | dx << 3 | dy << 5)
     }
 
@@ -72,12 +72,12 @@ impl Links {
 
     #[inline(always)]
     const fn dx(self) -> i32 {
-        ((self.0 >> 3) & 3) as i32 - 1
+        (self.0 as i32) << 27 >> 30
     }
 
     #[inline(always)]
     const fn dy(self) -> i32 {
-        ((self.0 >> 5) & 3) as i32 - 1
+        (self.0 as i32) << 25 >> 30
     }
 }
 
@@ -94,7 +94,7 @@ pub struct Node {
 
 impl<const M: usize> SorConfig<M> {
     pub(crate) const EMPTY: Self = Self {
-        grid: Grid { stride: 1, nodes: 0 },
+        grid: Grid { stride: 0, nodes: 0 },
         step: RedBlack::new(0),
         links: RedBlack::new(Links::NONE),
         warm_sweeps: 0,
@@ -188,7 +188,8 @@ impl<const M: usize> Sor<M> {
     /// reciprocal is low by less than size / 2^24 of itself, which of a mean that was zero a
     /// frame ago leaves nothing.
     pub fn remove_means(&mut self, config: &SorConfig<M>, nodes: &[Node]) {
-        self.means.fill(0);
+        let components = config.sizes.len();
+        self.means.iter_mut().take(components).for_each(|sum| *sum = 0);
         for node in nodes {
             let p = self.piston(*node);
             if let Some(sum) = self.means.get_mut(usize::from(node.component)) {

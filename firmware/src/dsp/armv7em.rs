@@ -13,22 +13,19 @@
 use super::{put_word, word, words};
 use crate::pixels::{Cut, Seen};
 
-/// Words of a group: what is read and added up without a loop.
-const GROUP: usize = 2;
 /// Highest raw value of which no bit needs flipping.
 const SIGNED_TOP: u16 = i16::MAX as u16;
 /// One in both lanes.
 const ONES: u32 = 0x0001_0001;
 
-type Group = [u32; GROUP];
-
-#[cfg(all(target_arch = "arm", target_feature = "dsp"))]
+#[cfg(armv7em)]
 mod instructions {
     use core::arch::asm;
 
-    /// Instructions as safe functions.
+    /// Instructions as safe functions. The first of two must not overwrite what the second reads:
+    /// its output is `out`, not `lateout`.
     macro_rules! instructions {
-        ($($(#[$doc:meta])* $name:ident($($x:ident),*) = $($code:literal),*;)*) => {$(
+        ($($(#[$doc:meta])* $name:ident($($x:ident),*) = $($code:literal),* => $out:ident;)*) => {$(
             $(#[$doc])*
             #[inline(always)]
             pub(super) fn $name($($x: u32),*) -> u32 {
@@ -38,7 +35,7 @@ mod instructions {
                 // they are part of the target.
                 #[allow(unsafe_code)]
                 unsafe {
-                    asm!($($code),*, $($x = in(reg) $x,)* out = lateout(reg) out,
+                    asm!($($code),*, $($x = in(reg) $x,)* out = $out(reg) out,
                         options(pure, nomem, nostack));
                 }
                 out
@@ -48,18 +45,18 @@ mod instructions {
 
     instructions! {
         /// max(x - y, 0) in each lane, unsigned.
-        uqsub16(x, y) = "uqsub16 {out}, {x}, {y}";
+        uqsub16(x, y) = "uqsub16 {out}, {x}, {y}" => lateout;
         /// `sum` plus both products of the lanes, signed.
-        smlad(x, y, sum) = "smlad {out}, {x}, {y}, {sum}";
+        smlad(x, y, sum) = "smlad {out}, {x}, {y}, {sum}" => lateout;
         /// The larger of each lane, unsigned.
-        larger(x, y) = "usub16 {out}, {x}, {y}", "sel {out}, {x}, {y}";
+        larger(x, y) = "usub16 {out}, {x}, {y}", "sel {out}, {x}, {y}" => out;
         /// One in each lane where x >= y, unsigned.
-        reached(x, y, one, zero) = "usub16 {out}, {x}, {y}", "sel {out}, {one}, {zero}";
+        reached(x, y, one, zero) = "usub16 {out}, {x}, {y}", "sel {out}, {one}, {zero}" => out;
     }
 }
 
 /// The same instructions in portable arithmetic, so that the kernel can be tested on a PC.
-#[cfg(not(all(target_arch = "arm", target_feature = "dsp")))]
+#[cfg(not(armv7em))]
 mod instructions {
     fn split(x: u32) -> [u16; 2] {
         [x as u16, (x >> 16) as u16]
@@ -92,9 +89,15 @@ mod instructions {
 
 use instructions::{larger, reached, smlad, uqsub16};
 
-/// A row and its floors in groups; `None` where they are not words.
+/// A row and its floors in words; `None` where they are not words.
 #[inline(always)]
-pub(crate) fn packed<'a>(raw: &'a [u16], floor: &'a [u16]) -> Option<(&'a [Group], &'a [Group])> {
+pub(crate) fn packed<'a, const N: usize>(
+    raw: &'a [u16],
+    floor: &'a [u16],
+) -> Option<(&'a [u32; N], &'a [u32; N])> {
+    if N == 0 {
+        return None;
+    }
     Some((words(raw)?, words(floor)?))
 }
 
@@ -106,63 +109,52 @@ fn both(x: u16) -> u32 {
 
 /// See [`crate::centroid::floored_row_moments`].
 #[inline(always)]
-pub(crate) fn row_moments(
-    raw: &[Group],
-    floor: &[Group],
+pub(crate) fn row_moments<const N: usize>(
+    raw: &[u32; N],
+    floor: &[u32; N],
     cut: Cut,
-    seen: Option<&mut Seen>,
 ) -> (u32, i32) {
-    match seen {
-        None => moments(raw, floor, cut, |_, _| {}),
-        Some(seen) => {
-            let (mut peak, mut count) = (word(&seen.peak), word(&seen.saturated));
-            let white = both(cut.saturation);
-            let sums = moments(raw, floor, cut, |signal, raw| {
-                peak = larger(signal, peak);
-                let lit = reached(signal, ONES, ONES, 0);
-                count = count.wrapping_add(reached(raw, white, lit, 0));
-            });
-            put_word(&mut seen.peak, peak);
-            put_word(&mut seen.saturated, count);
-            sums
-        }
-    }
-}
-
-#[inline(always)]
-fn moments(raw: &[Group], floor: &[Group], cut: Cut, note: impl FnMut(u32, u32)) -> (u32, i32) {
-    let pixels = 2 * GROUP * raw.len();
     if cut.top <= SIGNED_TOP {
-        signed_moments(raw, floor, cut, note, 0)
+        signed_moments(raw, floor, cut, 0)
     } else {
-        let (sum, x) = signed_moments(raw, floor, cut, note, both(1 << 15));
-        (sum.wrapping_add((pixels as u32) << 15), x)
+        let (sum, x) = signed_moments(raw, floor, cut, both(1 << 15));
+        (sum.wrapping_add((2 * N as u32) << 15), x)
     }
 }
 
 /// Sum and moment of the signals with the bits of `flip` inverted, as signed numbers.
 #[inline(always)]
-fn signed_moments(
-    raw: &[Group],
-    floor: &[Group],
+fn signed_moments<const N: usize>(
+    raw: &[u32; N],
+    floor: &[u32; N],
     cut: Cut,
-    mut note: impl FnMut(u32, u32),
     flip: u32,
 ) -> (u32, i32) {
     let excess = both(cut.excess);
-    let last = (2 * GROUP * raw.len()) as i16 - 1;
+    let last = 2 * N as i16 - 1;
     let (mut sum, mut x) = (0, 0);
-    for (g, (raw, floor)) in raw.iter().zip(floor).enumerate() {
-        for (k, (&raw, &floor)) in raw.iter().zip(floor).enumerate() {
-            let signal = uqsub16(uqsub16(raw, floor), excess);
-            note(signal, raw);
-            let signal = signal ^ flip;
-            let first = 4 * (GROUP * g + k) as i16 - last;
-            sum = smlad(signal, ONES, sum);
-            x = smlad(signal, word(&[first as u16, (first + 2) as u16]), x);
-        }
+    for (k, (&raw, &floor)) in raw.iter().zip(floor).enumerate() {
+        let signal = uqsub16(uqsub16(raw, floor), excess) ^ flip;
+        let first = 4 * k as i16 - last;
+        sum = smlad(signal, ONES, sum);
+        x = smlad(signal, word(&[first as u16, (first + 2) as u16]), x);
     }
     (sum, x as i32)
+}
+
+/// See [`crate::pixels::Seen::note`].
+#[inline(always)]
+pub(crate) fn note<const N: usize>(raw: &[u32; N], floor: &[u32; N], cut: Cut, seen: &mut Seen) {
+    let (excess, white) = (both(cut.excess), both(cut.saturation));
+    let (mut peak, mut saturated) = (word(&seen.peak), word(&seen.saturated));
+    for (&raw, &floor) in raw.iter().zip(floor) {
+        let signal = uqsub16(uqsub16(raw, floor), excess);
+        peak = larger(signal, peak);
+        let lit = reached(signal, ONES, ONES, 0);
+        saturated = saturated.wrapping_add(reached(raw, white, lit, 0));
+    }
+    put_word(&mut seen.peak, peak);
+    put_word(&mut seen.saturated, saturated);
 }
 
 #[cfg(test)]
@@ -170,15 +162,21 @@ mod tests {
     use super::*;
     use crate::dsp::tests::{compare, rows};
 
-    #[test]
-    fn packed_and_portable_agree_to_the_bit() {
-        for top in [TOP_12, SIGNED_TOP, u16::MAX] {
-            rows(4, top, |raw, floor, cut| {
-                let (words, floors) = packed(raw, floor).expect("aligned");
-                compare(raw, floor, cut, |seen| row_moments(words, floors, cut, seen));
-            });
-        }
+    fn agree<const N: usize>(top: u16) {
+        rows(2 * N, top, |raw, floor, cut| {
+            let (words, floors) = packed::<N>(raw, floor).expect("aligned");
+            let moments = || row_moments(words, floors, cut);
+            compare(raw, floor, cut, moments, |seen| note(words, floors, cut, seen));
+        });
     }
 
-    const TOP_12: u16 = (1 << 12) - 1;
+    #[test]
+    fn packed_and_portable_agree_to_the_bit() {
+        for bits in [12, 15, 16] {
+            let top = ((1u32 << bits) - 1) as u16;
+            agree::<4>(top);
+            agree::<8>(top);
+            agree::<16>(top);
+        }
+    }
 }

@@ -9,32 +9,30 @@
 //! s = d where its top bit is set, less that bit, else 0
 //! ```
 //!
-//! The moment comes from running sums, as in [`crate::centroid::row_moments`], but packed: over a
-//! group of four words a lane's running sums add up to at most 10 x 4095 < 2^16.
+//! The moment comes from running sums, as in [`crate::centroid::row_moments`], but packed: those of
+//! four pairs of words, but for the last, add up to at most 6 x 2 x 4095 < 2^16 in a lane.
 
 use super::{put_word, word, words};
 use crate::pixels::{Cut, Seen};
 
-/// Words of a group.
-const GROUP: usize = 4;
 /// Highest raw value.
 const TOP: u16 = (1 << 12) - 1;
+/// Most words of a row.
+const WORDS: usize = 8;
 
 /// The top bits of both lanes.
 const SIGNS: u32 = 0x8000_8000;
 /// One in both lanes.
 const ONES: u32 = 0x0001_0001;
 
-type Group = [u32; GROUP];
-
-/// A row and its floors in groups; `None` where they are not of this module's kind.
+/// A row and its floors in words; `None` where they are not of this module's kind.
 #[inline(always)]
-pub(crate) fn packed<'a>(
+pub(crate) fn packed<'a, const N: usize>(
     raw: &'a [u16],
     floor: &'a [u16],
     cut: Cut,
-) -> Option<(&'a [Group], &'a [Group])> {
-    if cut.top > TOP {
+) -> Option<(&'a [u32; N], &'a [u32; N])> {
+    if N == 0 || !N.is_multiple_of(4) || N > WORDS || cut.top > TOP {
         return None;
     }
     Some((words(raw)?, words(floor)?))
@@ -59,88 +57,60 @@ fn lanes(x: u32) -> u32 {
     (x & 0xffff).wrapping_add(x >> 16)
 }
 
-/// What is gathered over a watched row.
-struct Watch {
-    /// 2^15 less the largest signal of each lane.
-    room: u32,
-    /// Saturated pixels of each lane.
-    saturated: u32,
-    /// What takes a saturated pixel's lane to its top bit.
-    white: u32,
-}
-
-impl Watch {
-    #[inline(always)]
-    fn new(seen: &Seen, cut: Cut) -> Self {
-        Self {
-            room: SIGNS.wrapping_sub(word(&seen.peak)),
-            saturated: word(&seen.saturated),
-            white: SIGNS.wrapping_sub(both(cut.saturation)),
-        }
+/// The signals of a row, in words.
+#[inline(always)]
+fn signals<const N: usize>(raw: &[u32; N], floor: &[u32; N], cut: Cut) -> [u32; N] {
+    let open = SIGNS.wrapping_sub(both(cut.excess));
+    let mut signals = [0; N];
+    for (signal, (raw, floor)) in signals.iter_mut().zip(raw.iter().zip(floor)) {
+        *signal = positive(raw.wrapping_add(open).wrapping_sub(*floor));
     }
-
-    #[inline(always)]
-    fn note(&mut self, signal: u32, raw: u32) {
-        self.room = self.room.wrapping_sub(positive(signal.wrapping_add(self.room)));
-        let white = raw.wrapping_add(self.white) & signal.wrapping_add(SIGNS - ONES);
-        self.saturated = self.saturated.wrapping_add((white >> 15) & ONES);
-    }
-
-    #[inline(always)]
-    fn put(self, seen: &mut Seen) {
-        put_word(&mut seen.peak, SIGNS.wrapping_sub(self.room));
-        put_word(&mut seen.saturated, self.saturated);
-    }
+    signals
 }
 
 /// See [`crate::centroid::floored_row_moments`].
 #[inline(always)]
-pub(crate) fn row_moments(
-    raw: &[Group],
-    floor: &[Group],
+pub(crate) fn row_moments<const N: usize>(
+    raw: &[u32; N],
+    floor: &[u32; N],
     cut: Cut,
-    seen: Option<&mut Seen>,
 ) -> (u32, i32) {
-    match seen {
-        None => moments(raw, floor, cut, |_, _| {}),
-        Some(seen) => watched_moments(raw, floor, cut, seen),
+    let signals = signals(raw, floor, cut);
+    let (pairs, _) = signals.as_chunks::<2>();
+    // Packed: all signals, those of the pairs' second words, and all running sums but the last.
+    let (mut total, mut second, mut running) = (0u32, 0u32, 0u32);
+    for &[first, next] in pairs {
+        running = running.wrapping_add(total);
+        second = second.wrapping_add(next);
+        total = total.wrapping_add(first).wrapping_add(next);
     }
+    let sum = lanes(total);
+    // Half pixels: 8 pair + 4 word + 2 lane - (W - 1), W = 2 N. Of N / 2 pairs the running sums
+    // count pair i (N / 2 - 1 - i) times.
+    let whole = (8 * (N as u32 / 2 - 1)).wrapping_sub(2 * N as u32 - 1);
+    let x = sum
+        .wrapping_mul(whole)
+        .wrapping_sub(lanes(running).wrapping_mul(8))
+        .wrapping_add(lanes(second).wrapping_mul(4))
+        .wrapping_add((total >> 16).wrapping_mul(2));
+    (sum, x as i32)
 }
 
-/// Not inlined: it needs all registers.
-#[inline(never)]
-fn watched_moments(raw: &[Group], floor: &[Group], cut: Cut, seen: &mut Seen) -> (u32, i32) {
-    let mut watch = Watch::new(seen, cut);
-    let sums = moments(raw, floor, cut, |signal, raw| watch.note(signal, raw));
-    watch.put(seen);
-    sums
-}
-
+/// See [`crate::pixels::Seen::note`].
 #[inline(always)]
-fn moments(raw: &[Group], floor: &[Group], cut: Cut, mut note: impl FnMut(u32, u32)) -> (u32, i32) {
-    let open = SIGNS.wrapping_sub(both(cut.excess));
-    // Sums over the row: of signals, of signals of the upper lanes, and of the pixels' pair
-    // numbers times signals.
-    let (mut sum, mut upper, mut pairs) = (0u32, 0u32, 0u32);
-    for (g, (raw, floor)) in raw.iter().zip(floor).enumerate() {
-        let (mut total, mut running) = (0u32, 0u32);
-        for (&raw, &floor) in raw.iter().zip(floor) {
-            let signal = positive(raw.wrapping_add(open).wrapping_sub(floor));
-            note(signal, raw);
-            total = total.wrapping_add(signal);
-            running = running.wrapping_add(total);
-        }
-        let group = lanes(total);
-        sum = sum.wrapping_add(group);
-        upper = upper.wrapping_add(total >> 16);
-        // The running sums count word k of a group 4 - k times.
-        let after = (GROUP * (g + 1)) as u32;
-        pairs = pairs.wrapping_add(group.wrapping_mul(after)).wrapping_sub(lanes(running));
+pub(crate) fn note<const N: usize>(raw: &[u32; N], floor: &[u32; N], cut: Cut, seen: &mut Seen) {
+    // 2^15 less the largest signal of each lane.
+    let mut room = SIGNS.wrapping_sub(word(&seen.peak));
+    let mut saturated = word(&seen.saturated);
+    // What takes a saturated pixel's lane to its top bit.
+    let white = SIGNS.wrapping_sub(both(cut.saturation));
+    for (signal, raw) in signals(raw, floor, cut).into_iter().zip(raw) {
+        room = room.wrapping_sub(positive(signal.wrapping_add(room)));
+        let counts = raw.wrapping_add(white) & signal.wrapping_add(SIGNS - ONES);
+        saturated = saturated.wrapping_add((counts >> 15) & ONES);
     }
-    // Half pixels: 2 (2 j + lane) - (W - 1), with 2 GROUP pixels a group.
-    let last = (2 * GROUP * raw.len()) as u32 - 1;
-    let x = pairs.wrapping_mul(4).wrapping_add(upper.wrapping_mul(2));
-    (sum, x.wrapping_sub(sum.wrapping_mul(last)) as i32)
+    put_word(&mut seen.peak, SIGNS.wrapping_sub(room));
+    put_word(&mut seen.saturated, saturated);
 }
 
 #[cfg(test)]
@@ -148,21 +118,28 @@ mod tests {
     use super::*;
     use crate::dsp::tests::{compare, rows};
 
+    fn agree<const N: usize>() {
+        rows(2 * N, TOP, |raw, floor, cut| {
+            let (words, floors) = packed::<N>(raw, floor, cut).expect("aligned");
+            let moments = || row_moments(words, floors, cut);
+            compare(raw, floor, cut, moments, |seen| note(words, floors, cut, seen));
+        });
+    }
+
     #[test]
     fn packed_and_portable_agree_to_the_bit() {
-        rows(8, TOP, |raw, floor, cut| {
-            let (words, floors) = packed(raw, floor, cut).expect("aligned");
-            compare(raw, floor, cut, |seen| row_moments(words, floors, cut, seen));
-        });
+        agree::<4>();
+        agree::<8>();
     }
 
     #[test]
     fn other_rows_are_left_to_the_portable_kernel() {
         rows(8, u16::MAX, |raw, floor, cut| {
-            assert!(packed(raw, floor, cut).is_none());
+            assert!(packed::<4>(raw, floor, cut).is_none(), "16 bits");
             let narrow = Cut { top: TOP, ..cut };
-            assert!(packed(&raw[1..], &floor[1..], narrow).is_none(), "not aligned");
-            assert!(packed(&raw[2..], &floor[2..], narrow).is_none(), "no whole groups");
+            assert!(packed::<4>(&raw[1..], &floor[1..], narrow).is_none(), "not aligned");
+            assert!(packed::<4>(&raw[2..], &floor[2..], narrow).is_none(), "too short");
+            assert!(packed::<2>(&raw[..4], &floor[..4], narrow).is_none(), "too few words");
         });
     }
 }

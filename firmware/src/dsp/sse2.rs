@@ -181,24 +181,38 @@ pub(crate) fn row_moments(
     sums.row(raw.len())
 }
 
+/// Blocks of a row with only floors, and their signals.
+#[inline(always)]
+fn floored<'a>(
+    raw: &'a [u16],
+    floor: &'a [u16],
+    cut: Cut,
+) -> impl Iterator<Item = (V, V)> + use<'a> {
+    let blocks = raw.as_chunks().0.iter().zip(floor.as_chunks().0);
+    blocks.map(move |(raw, floor)| {
+        let raw = load(raw);
+        let above = saturating_sub_u16(raw, load(floor));
+        (raw, saturating_sub_u16(above, splat(cut.excess)))
+    })
+}
+
 /// See [`crate::centroid::floored_row_moments`]; the width is a multiple of [`LANES`].
 #[inline(always)]
-pub(crate) fn floored_row_moments(
-    raw: &[u16],
-    floor: &[u16],
-    cut: Cut,
-    seen: Option<&mut pixels::Seen>,
-) -> (u32, i32) {
-    let (mut watch, mut sums) = (Watch(seen), Sums::new());
-    let blocks = raw.as_chunks().0.iter().zip(floor.as_chunks().0);
-    for (k, (pixels, floor)) in blocks.enumerate() {
-        let (pixels, floor) = (load(pixels), load(floor));
-        let above = saturating_sub_u16(pixels, floor);
-        let signal = saturating_sub_u16(above, splat(cut.excess));
-        watch.note(signal, pixels, cut);
+pub(crate) fn floored_row_moments(raw: &[u16], floor: &[u16], cut: Cut) -> (u32, i32) {
+    let mut sums = Sums::new();
+    for (k, (_, signal)) in floored(raw, floor, cut).enumerate() {
         sums.add(signal, weights(raw.len(), LANES * k));
     }
     sums.row(raw.len())
+}
+
+/// See [`crate::centroid::note_floored`]; the width is a multiple of [`LANES`].
+#[inline(always)]
+pub(crate) fn note_floored(raw: &[u16], floor: &[u16], cut: Cut, seen: &mut pixels::Seen) {
+    let mut watch = Watch(Some(seen));
+    for (raw, signal) in floored(raw, floor, cut) {
+        watch.note(signal, raw, cut);
+    }
 }
 
 /// See [`crate::pixels::signal`]; the width is a multiple of [`LANES`].
@@ -220,7 +234,7 @@ pub(crate) fn signal(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{centroid, pixels};
+    use crate::{centroid, dsp, pixels};
 
     type Kernel<'a> = &'a dyn Fn(Option<&mut pixels::Seen>) -> (u32, i32);
 
@@ -248,11 +262,12 @@ mod tests {
         assert_eq!(found, portable(Some(&mut expected)).1, "{context}");
         assert_eq!(noted.all(), expected.all(), "{context}");
         if cut.convention == Convention::Subtract {
-            let floor = row.floor;
-            compare_moments(
-                &|seen| centroid::portable_floored_row_moments(raw, floor, cut, seen),
-                &|seen| floored_row_moments(raw, floor, cut, seen),
-                &context,
+            dsp::tests::compare(
+                raw,
+                row.floor,
+                cut,
+                || floored_row_moments(raw, row.floor, cut),
+                |seen| note_floored(raw, row.floor, cut, seen),
             );
         }
     }

@@ -13,7 +13,11 @@ pub enum BuildError {
     #[error("cargo: {0}")]
     Cargo(std::io::Error),
     /// Cargo failed; it has said why.
-    #[error("cargo build in {} failed, see above; tests/toolchain.sh provides {target}", folder.display())]
+    #[error(
+        "cargo build in {} failed, see above; if {target} is missing: \
+         tests/toolchain.sh >target/embedded-toolchain",
+        folder.display()
+    )]
     Failed {
         /// Where.
         folder: PathBuf,

@@ -36,7 +36,7 @@ pub struct Seen {
     /// Brightest pixel of the watched rows that passes, before the moving threshold; with stored
     /// numbers after the fixed one, if that is subtracted.
     pub peak: f64,
-    /// Good pixels of the watched rows at or above the saturation level.
+    /// Pixels of the watched rows that have a signal and are at or above the saturation level.
     pub saturated: u16,
 }
 
@@ -170,15 +170,19 @@ impl<'a> Detector<'a> {
         let pixels = self.window(i, frame);
         let signals = self.signals(&pixels, history.peak);
         let size = usize::from(self.instrument.window);
-        // Four rows, as many above the last centroid as below.
+        // The rows on either side of the last centroid.
         let row = (history.centroid[1] + (size as f64 - 1.0) / 2.0).floor();
-        let first = (row - 1.0).clamp(0.0, size as f64 - 4.0) as usize;
-        let watched = first * size..(first + 4) * size;
+        let first = row.clamp(0.0, size as f64 - 2.0) as usize;
+        let watched = first * size..(first + 2) * size;
         let passed = signals[watched.clone()].iter().filter(|[_, signal]| *signal > 0.0);
         let peak = passed.map(|[value, _]| *value).fold(0.0, f64::max);
         let top = ((1u32 << self.instrument.detector.bits) - 1) as u16;
         let level = f64::from(self.instrument.saturation_adu.unwrap_or(top));
-        let saturated = pixels[watched].iter().flatten().filter(|p| p.raw >= level).count() as u16;
+        let white = pixels[watched.clone()]
+            .iter()
+            .zip(&signals[watched])
+            .filter(|(pixel, signal)| pixel.is_some_and(|p| p.raw >= level) && signal[1] > 0.0);
+        let saturated = white.count() as u16;
         let mut signal: Vec<f64> = signals.into_iter().map(|[_, signal]| signal).collect();
         let (centroid, flux) = match self.instrument.estimator {
             Estimator::WeightedCentreOfGravity { fwhm_px, gain, .. } => {

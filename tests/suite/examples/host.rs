@@ -1,0 +1,15 @@
+//! The suite on the host, as a board runs it: lines on the console, to be compared with
+//! `tests/golden/suite.txt`.
+
+use splash_suite::{BUFFER, CELLS, PIXELS, Workspace};
+
+static WORKSPACE: std::sync::Mutex<Workspace<CELLS, PIXELS, BUFFER>> =
+    std::sync::Mutex::new(Workspace::new());
+
+fn main() {
+    let mut workspace = WORKSPACE.lock().expect("nobody else has it");
+    if let Err(error) = workspace.run(&mut |line| println!("{line}")) {
+        eprintln!("{error}");
+        std::process::exit(1);
+    }
+}

@@ -1,0 +1,69 @@
+//! The fixed-point primitives, over the edges of their ranges and random arguments.
+
+use splash_firmware::fixed;
+
+use crate::digest::{Digest, Hasher};
+use crate::generator::Generator;
+
+/// Arguments of each primitive.
+const ARGUMENTS: u32 = 1000;
+
+/// Each primitive with the digest of its results.
+pub(crate) fn digests() -> [(&'static str, Digest); 7] {
+    [
+        over("reciprocal", |numbers, hasher| {
+            hasher.u64(fixed::reciprocal(divisor(numbers)));
+        }),
+        over("chained-reciprocal", |numbers, hasher| {
+            hasher.u64(fixed::reciprocal_chained(divisor(numbers)));
+        }),
+        over("ratio", |numbers, hasher| {
+            let mut term = || numbers.edge(&[0, 1, 2, 1 << 22, (1 << 22) - 1]);
+            hasher.u32(fixed::ratio_q16(term(), term().min(1 << 22)));
+        }),
+        over("square-root", |numbers, hasher| {
+            // Around a square, where the root has to step.
+            let root = numbers.bits() >> 16;
+            let square = root * root;
+            for v in [square.wrapping_sub(1), square, square + root, square.wrapping_add(root + 1)]
+            {
+                let (floor, up) = fixed::square_root(v);
+                hasher.u32(floor);
+                hasher.u32(up);
+            }
+        }),
+        over("multiply-q30", |numbers, hasher| {
+            let k = numbers.edge(&[0, 1, 1 << 29, 1 << 30, i32::MAX as u32]) as i32;
+            let r = numbers.edge(&[0, 1, u32::MAX, i32::MAX as u32, i32::MIN as u32]) as i32 >> 2;
+            let limit = (1 << 29) - 1;
+            hasher.i32(fixed::mul_q30(k, r.clamp(-limit, limit)));
+        }),
+        over("round-shift", |numbers, hasher| {
+            let x = (u64::from(numbers.bits()) << 32 | u64::from(numbers.bits())) as i64 >> 2;
+            let n = 1 + numbers.below(62);
+            hasher.u64(fixed::round_shift(x >> numbers.below(32), n) as u64);
+        }),
+        over("saturate", |numbers, hasher| {
+            let x = (u64::from(numbers.bits()) << 32 | u64::from(numbers.bits())) as i64;
+            let limit = (numbers.bits() >> 1) as i32;
+            hasher.i32(fixed::saturate(x >> numbers.below(64), limit));
+        }),
+    ]
+}
+
+/// Below 2^26, of any size.
+fn divisor(numbers: &mut Generator) -> u32 {
+    let divisor = numbers.edge(&[0, 1, 2, 3, 1 << 25, (1 << 26) - 1]) & ((1 << 26) - 1);
+    divisor >> (numbers.below(4) * numbers.below(8))
+}
+
+fn over(
+    name: &'static str,
+    mut one: impl FnMut(&mut Generator, &mut Hasher),
+) -> (&'static str, Digest) {
+    let (numbers, mut hasher) = (&mut Generator::new(ARGUMENTS), Hasher::default());
+    for _ in 0..ARGUMENTS {
+        one(numbers, &mut hasher);
+    }
+    (name, hasher.finish())
+}
