@@ -49,7 +49,7 @@ pub(crate) enum EstimatorConfig {
 }
 
 /// One subaperture's measurement in one frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Measurement {
     /// Centroid x, y from the window's centre, pixels in Q16, within +-64 pixels.

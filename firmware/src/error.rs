@@ -1,9 +1,10 @@
 //! Why a configuration was refused: the field, the value it had and the limit it broke.
 
 use core::fmt;
+use serde::{Deserialize, Serialize};
 
 /// A field of the configuration, displayed by the name it has in an instrument description.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "each variant is displayed as, and documented at, its field")]

@@ -35,6 +35,7 @@ pub mod fixed;
 pub mod gate;
 pub mod geometry;
 pub mod image;
+pub mod link;
 mod omega;
 pub mod pipeline;
 pub mod pixels;

@@ -1,6 +1,8 @@
 //! What goes in and out of the pipeline beside pixels and codes: progress, refusals, reports,
 //! totals and the global tilt.
 
+use serde::{Deserialize, Serialize};
+
 /// How far a frame has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -12,7 +14,7 @@ pub enum Progress {
 }
 
 /// Why a row was refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum RowError {
     /// No frame has begun.
@@ -43,7 +45,7 @@ impl core::fmt::Display for RowError {
 impl core::error::Error for RowError {}
 
 /// Why a frame moved nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Hold {
     /// No frame had begun.
@@ -62,7 +64,7 @@ pub enum Hold {
 }
 
 /// What became of a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Outcome {
     /// New codes.
@@ -72,7 +74,7 @@ pub enum Outcome {
 }
 
 /// What one frame did.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Report {
     /// The number given to `begin`.
@@ -100,7 +102,7 @@ pub struct Report {
 }
 
 /// A global tip and tilt, as a natural guide star gives it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct GlobalTilt {
     /// Tip and tilt to add to every segment: centre-to-edge path difference over one segment, ulp.
@@ -111,7 +113,7 @@ pub struct GlobalTilt {
 }
 
 /// Totals since the pipeline was made or reset; they saturate.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Totals {
     /// Frames that moved the mirror.

@@ -77,7 +77,7 @@ pub(crate) struct Travel {
 }
 
 /// Piston, tip and tilt of a segment, ulp.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Position {
     /// Piston, optical path difference.

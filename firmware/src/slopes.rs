@@ -40,7 +40,7 @@ pub(crate) struct SlopeCalibration {
 }
 
 /// The slope of one subaperture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Slope {
     /// Tip and tilt, centre-to-edge path difference, ulp.

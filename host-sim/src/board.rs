@@ -1,12 +1,34 @@
 //! Where the firmware library runs: a board takes rows and gives DAC codes.
+//!
+//! | board | is |
+//! |---|---|
+//! | [`in_process`] | the library in this process |
+//! | [`qemu`] | the Cortex-M7 that QEMU emulates |
+//! | [`ibex`] | the soft core, simulated at register-transfer level |
+//!
+//! The last two are a [`remote`] board: a program of its own ([`program`]) in a [`process`] that may
+//! hang, die or talk nonsense, and is spoken to over pipes.
 
+pub mod ibex;
+mod in_process;
+mod log;
+pub mod process;
+mod program;
+pub mod qemu;
+pub mod remote;
+
+pub use in_process::in_process;
+pub use log::Format;
+pub use program::{BuildError, program};
+
+use process::Failure;
 use splash_firmware::centroid::Measurement;
-use splash_firmware::config::Config;
 use splash_firmware::error::ConfigError;
-use splash_firmware::pipeline::{Pipeline, Report, RowError, Totals};
+use splash_firmware::link::Reason;
+use splash_firmware::pipeline::{Report, RowError, Totals};
 use splash_firmware::segments::Position;
 use splash_firmware::slopes::Slope;
-use splash_firmware::spec::Spec;
+use std::time::Duration;
 
 /// What a frame is made of.
 #[derive(Clone, Copy, Debug)]
@@ -17,7 +39,7 @@ pub enum Frame<'a> {
     Measurements(&'a [Measurement]),
 }
 
-/// Why a board could not take a frame.
+/// Why a board could not be had, or did not take a frame.
 #[derive(Debug, thiserror::Error)]
 pub enum BoardError {
     /// A row, or a list of measurements, was refused.
@@ -28,17 +50,73 @@ pub enum BoardError {
         /// Why.
         source: RowError,
     },
+    /// The configuration was refused.
+    #[error("{0}")]
+    Config(#[from] ConfigError),
+    /// The configuration does not fit the board.
+    #[error("board {board}: {reason}")]
+    Unfit {
+        /// The board.
+        board: &'static str,
+        /// Why.
+        reason: Reason,
+    },
+    /// Something that the board needs is missing.
+    #[error("board {board}: {what}")]
+    Missing {
+        /// The board.
+        board: &'static str,
+        /// What, and where it comes from.
+        what: String,
+    },
+    /// The board's program could not be built.
+    #[error("board {board}: {source}")]
+    Build {
+        /// The board.
+        board: &'static str,
+        /// Why.
+        source: BuildError,
+    },
+    /// The board's process does not do what it should.
+    #[error("board {board}: {source}, {doing}")]
+    Process {
+        /// The board.
+        board: &'static str,
+        /// What it was asked.
+        doing: String,
+        /// What it did.
+        source: Failure,
+    },
+}
+
+/// How an emulated board is run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// The longest wait for an answer. Then the board is given up.
+    pub patience: Duration,
+    /// Whether the emulator counts what happens between the marks of the program.
+    pub marks: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { patience: Duration::from_secs(60), marks: false }
+    }
 }
 
 /// A reconstructor that runs somewhere.
 pub trait Board {
     /// Opens the loop: forgets every frame and flattens the mirror.
-    fn reset(&mut self);
+    ///
+    /// # Errors
+    /// [`BoardError::Process`].
+    fn reset(&mut self) -> Result<(), BoardError>;
 
     /// Feeds a frame and returns what became of it.
     ///
     /// # Errors
-    /// [`BoardError`] if a row is refused; the rest of the frame is not sent.
+    /// [`BoardError::Refused`] if a row is refused; the rest of the frame is not used.
+    /// [`BoardError::Process`].
     fn frame(&mut self, number: u32, frame: Frame<'_>) -> Result<Report, BoardError>;
 
     /// DAC codes of each segment's actuators.
@@ -61,96 +139,4 @@ pub trait Board {
 
     /// What went wrong so far.
     fn totals(&self) -> Totals;
-}
-
-/// The library in this process.
-struct InProcess<const M: usize, const P: usize, const B: usize> {
-    config: Box<Config<M, P, B>>,
-    pipeline: Box<Pipeline<M, B>>,
-}
-
-/// The library in this process, with the smallest capacities that hold the instrument. Results do
-/// not depend on them.
-///
-/// # Errors
-/// The [`ConfigError`] of the library.
-pub fn in_process(spec: &Spec<'_>) -> Result<Box<dyn Board + Send>, ConfigError> {
-    let across = spec.mask.across();
-    let pixels = spec.mask.count() * usize::from(spec.windows.size).pow(2);
-    match (across, pixels) {
-        (..=8, ..=16_384) => InProcess::<64, 16_384, 16_384>::boxed(spec),
-        (..=16, ..=65_536) => InProcess::<256, 65_536, 65_536>::boxed(spec),
-        _ => InProcess::<1600, 1_638_400, 1_638_400>::boxed(spec),
-    }
-}
-
-/// Stack of the thread that makes the largest board: configuration and state are made on the
-/// stack before they are boxed, and a debug build copies them on the way.
-const BUILD_STACK: usize = 256 << 20;
-
-impl<const M: usize, const P: usize, const B: usize> InProcess<M, P, B> {
-    fn boxed(spec: &Spec<'_>) -> Result<Box<dyn Board + Send>, ConfigError> {
-        let build = || {
-            let mut config = Box::new(Config::<M, P, B>::new());
-            config.build(spec)?;
-            let mut pipeline = Box::new(Pipeline::new());
-            pipeline.reset(&config);
-            Ok(Box::new(Self { config, pipeline }) as Box<dyn Board + Send>)
-        };
-        std::thread::scope(|scope| {
-            let builder = std::thread::Builder::new().stack_size(BUILD_STACK);
-            let thread = builder.spawn_scoped(scope, build).expect("the system starts a thread");
-            thread.join().expect("building a configuration does not panic")
-        })
-    }
-}
-
-impl<const M: usize, const P: usize, const B: usize> Board for InProcess<M, P, B> {
-    fn reset(&mut self) {
-        self.pipeline.reset(&self.config);
-    }
-
-    fn frame(&mut self, number: u32, frame: Frame<'_>) -> Result<Report, BoardError> {
-        let refused = |source| BoardError::Refused { frame: number, source };
-        self.pipeline.begin(&self.config, number);
-        match frame {
-            Frame::Pixels(pixels) => {
-                for row in pixels.chunks(usize::from(self.config.width()).max(1)) {
-                    self.pipeline.push_row(&self.config, row).map_err(refused)?;
-                }
-            }
-            Frame::Measurements(measurements) => {
-                self.pipeline.push_measurements(&self.config, measurements).map_err(refused)?;
-            }
-        }
-        Ok(self.pipeline.finish(&self.config))
-    }
-
-    fn codes(&self) -> &[[u16; 3]] {
-        self.pipeline.codes()
-    }
-
-    fn measurements(&self) -> &[Measurement] {
-        self.pipeline.measurements()
-    }
-
-    fn slopes(&self) -> &[Slope] {
-        self.pipeline.slopes()
-    }
-
-    fn positions(&self) -> &[Position] {
-        self.pipeline.positions()
-    }
-
-    fn components(&self) -> usize {
-        self.config.components()
-    }
-
-    fn ulp_m(&self) -> f64 {
-        self.config.ulp_m()
-    }
-
-    fn totals(&self) -> Totals {
-        self.pipeline.totals()
-    }
 }

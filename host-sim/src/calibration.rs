@@ -218,7 +218,7 @@ impl<'a> Bench<'a> {
     /// The centroids with the mirror in this shape, pixels.
     fn centroids(&mut self, mirror: &Mirror) -> Result<Vec<[f64; 2]>, Error> {
         let pixels = self.imager.expose(self.sky, 0.0, mirror, None)?;
-        self.board.reset();
+        self.board.reset()?;
         // The moving threshold and the weight follow the frame before.
         for frame in 0..3 {
             self.board.frame(frame, Frame::Pixels(pixels))?;

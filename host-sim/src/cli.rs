@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::board::{self, Board, BoardError, Options};
 use crate::closed_loop::Sensing;
 use crate::commands;
 use crate::error::Error;
@@ -8,6 +9,7 @@ use crate::optics::geometric::Sensor;
 use clap::builder::RangedI64ValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
 use splash_firmware::geometry::{MAX_ACROSS, MIN_ACROSS};
+use splash_firmware::spec::Spec;
 use std::path::PathBuf;
 
 /// Simulates a SPLASH adaptive-optics system around the firmware library.
@@ -89,6 +91,15 @@ pub struct LoopArgs {
     /// Where the firmware library runs
     #[arg(long, value_enum, default_value_t = BoardName::Host)]
     pub(crate) board: BoardName,
+    /// Seconds without an answer after which an emulated board is given up
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 60,
+        value_parser = value_parser!(u32).range(1..),
+        allow_negative_numbers = true
+    )]
+    pub(crate) patience: u32,
     /// Last frames to keep in frames.fits and phases.fits
     #[arg(long, value_name = "FRAMES", default_value_t = 100, allow_negative_numbers = true)]
     pub(crate) keep: u32,
@@ -159,6 +170,10 @@ impl SensorName {
 pub enum BoardName {
     /// In this process.
     Host,
+    /// On the Cortex-M7 that QEMU emulates.
+    Qemu,
+    /// On the Ibex soft core, simulated at register-transfer level.
+    Ibex,
 }
 
 impl BoardName {
@@ -166,7 +181,21 @@ impl BoardName {
     pub fn name(self) -> &'static str {
         match self {
             Self::Host => "host",
+            Self::Qemu => "qemu",
+            Self::Ibex => "ibex",
         }
+    }
+
+    /// The board of that name, with the configuration of `spec`.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    pub fn open(self, spec: &Spec<'_>, options: Options) -> Result<Box<dyn Board>, BoardError> {
+        Ok(match self {
+            Self::Host => board::in_process(spec)?,
+            Self::Qemu => Box::new(board::qemu::open(spec, options)?),
+            Self::Ibex => Box::new(board::ibex::open(spec, options)?),
+        })
     }
 }
 

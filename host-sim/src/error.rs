@@ -44,4 +44,14 @@ macro_rules! from {
     };
 }
 from!(Config: ConfigError, OpticsError, DetectorError);
-from!(Run: CsvError, FigureError, BoardError, FitsError, std::io::Error);
+from!(Run: CsvError, FigureError, FitsError, std::io::Error);
+
+impl From<BoardError> for Error {
+    fn from(error: BoardError) -> Self {
+        let kind = match error {
+            BoardError::Config(_) | BoardError::Unfit { .. } => Self::Config,
+            _ => Self::Run,
+        };
+        kind(error.to_string())
+    }
+}

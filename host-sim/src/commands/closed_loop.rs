@@ -1,7 +1,7 @@
 //! `host-sim loop`: the closed loop, its numbers and its pictures.
 
 use super::{output, progress};
-use crate::board::in_process;
+use crate::board::Options;
 use crate::cli::LoopArgs;
 use crate::closed_loop::{ClosedLoop, Run, Sensing};
 use crate::error::{Error, refuse};
@@ -16,7 +16,7 @@ use serde::Serialize;
 use splash_firmware::fixed::CENTROID_BITS;
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Frames left out of the averages unless told otherwise: at a gain of 0.5 the loop has settled.
 const SETTLE: u32 = 50;
@@ -54,7 +54,9 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
         Sensing::Images => reconstructor.with_slopes(progress::calibrate(&instrument)?),
         Sensing::Geometric => reconstructor,
     };
-    let mut board = in_process(&reconstructor.spec())?;
+    let patience = Duration::from_secs(args.patience.into());
+    let options = Options { patience, ..Options::default() };
+    let mut board = args.board.open(&reconstructor.spec(), options)?;
     let run = Run {
         sensor: args.sensor.sensor(),
         sensing: args.sensing,
@@ -71,7 +73,7 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
     let mut exposure = LongExposure::new(closed.pupil());
     let bar = progress::bar(u64::from(run.frames), "closed loop", "frames");
     let start = Instant::now();
-    let mut simulated = std::time::Duration::ZERO;
+    let mut simulated = Duration::ZERO;
     for frame in 0..run.frames {
         let before = Instant::now();
         let step = closed.step()?;

@@ -1,0 +1,56 @@
+//! Serves host-sim: detector frames in, DAC codes and telemetry out.
+#![no_std]
+#![no_main]
+
+use mps2_an500::{Exit, Pipes, RAM_BYTES, STACK_BYTES, exit};
+use semihosting::io::ErrorKind;
+use splash_firmware::config::Config;
+use splash_firmware::pipeline::Pipeline;
+use splash_server::serve;
+use static_cell::StaticCell;
+
+/// Cells of the subaperture grid: 16 x 16.
+const M: usize = 256;
+/// Window pixels: 64 windows of 16 x 16, or 256 of 8 x 8.
+const P: usize = 16_384;
+/// Pixels that brightest-n can buffer: 8 windows of 16 x 16 in a row, or 16 of 8 x 8 in two.
+const B: usize = 2_048;
+
+static CONFIG: StaticCell<Config<M, P, B>> = StaticCell::new();
+static PIPELINE: StaticCell<Pipeline<M, B>> = StaticCell::new();
+
+const NEEDED: usize =
+    size_of::<Config<M, P, B>>() + size_of::<Pipeline<M, B>>() + size_of::<Pipes>() + STACK_BYTES;
+const _: () = const_panic::concat_assert!(
+    NEEDED <= RAM_BYTES,
+    "M = ",
+    M,
+    ", P = ",
+    P,
+    ", B = ",
+    B,
+    " and the stack need ",
+    NEEDED,
+    " bytes: ",
+    NEEDED.saturating_sub(RAM_BYTES),
+    " more than the board has"
+);
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    let config = CONFIG.init_with(Config::new);
+    let pipeline = PIPELINE.init_with(Pipeline::new);
+    let ended = match Pipes::open() {
+        Ok(mut pipes) => {
+            defmt::info!("room for {} cells, {} window pixels, {} buffered", M, P, B);
+            serve(&mut pipes, "mps2-an500", config, pipeline)
+        }
+        Err(error) => error,
+    };
+    if ended.kind() == ErrorKind::UnexpectedEof {
+        defmt::info!("the link has ended");
+        exit(Exit::Done)
+    }
+    defmt::error!("pipes: {}", defmt::Display2Format(&ended));
+    exit(Exit::Link)
+}

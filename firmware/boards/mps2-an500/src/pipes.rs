@@ -1,0 +1,79 @@
+//! The board's ways in and out: named pipes in the emulator's working directory, by semihosting.
+
+use crate::mark;
+use semihosting::fs::File;
+use semihosting::io::{ErrorKind, Read, Result, Write};
+use splash_server::Port;
+
+/// Pixels of the longest row that a configuration may have.
+const ROW: usize = 4096;
+
+/// Bytes of the link that are read ahead: each read of the host stops the emulated processor.
+const AHEAD: usize = 1024;
+
+/// `link.in`, `link.out` and `detector` (raw pixels, u16 little-endian, row after row).
+pub struct Pipes {
+    requests: File,
+    answers: File,
+    detector: File,
+    ahead: [u8; AHEAD],
+    /// Bytes of `ahead` that were taken, and that are there.
+    taken: usize,
+    filled: usize,
+    row: [u16; ROW],
+}
+
+impl Pipes {
+    /// Opens the pipes; waits until the other ends are there.
+    ///
+    /// # Errors
+    /// If there are no such pipes in the emulator's working directory.
+    pub fn open() -> Result<Self> {
+        Ok(Self {
+            requests: File::open(c"link.in")?,
+            answers: File::create(c"link.out")?,
+            detector: File::open(c"detector")?,
+            ahead: [0; AHEAD],
+            taken: 0,
+            filled: 0,
+            row: [0; ROW],
+        })
+    }
+}
+
+impl Port for Pipes {
+    type Error = semihosting::io::Error;
+
+    fn receive(&mut self, bytes: &mut [u8]) -> Result<()> {
+        for byte in bytes {
+            if self.taken == self.filled {
+                self.filled = self.requests.read(&mut self.ahead)?;
+                self.taken = 0;
+            }
+            let next = self.ahead.get(..self.filled).and_then(|ahead| ahead.get(self.taken));
+            *byte = *next.ok_or(ErrorKind::UnexpectedEof)?;
+            self.taken += 1;
+        }
+        Ok(())
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<()> {
+        self.answers.write_all(bytes)
+    }
+
+    fn row(&mut self, width: usize) -> Result<&[u16]> {
+        let row = self.row.get_mut(..width).ok_or(ErrorKind::InvalidInput)?;
+        self.detector.read_exact(bytemuck::cast_slice_mut(row))?;
+        Ok(row)
+    }
+
+    /// There are no DACs: the codes leave by the link.
+    fn actuate(&mut self, _: &[[u16; 3]]) -> Result<()> {
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn mark() {
+        mark();
+    }
+}

@@ -1,0 +1,48 @@
+//! What the emulated boards have in common: the loop in which they serve host-sim over a link.
+//!
+//! A board implements [`Port`] and calls [`serve`]. Detector rows, DACs and marks have their own
+//! ways in and out, as on a real board; configuration, reports and telemetry go over the
+//! [link](splash_firmware::link).
+
+#![no_std]
+
+mod image;
+mod outbox;
+mod server;
+
+pub use server::serve;
+
+/// What an emulated board gives to the server.
+pub trait Port {
+    /// Why a transfer failed: the other end is gone.
+    type Error;
+
+    /// Fills `bytes` from the link; blocks.
+    ///
+    /// # Errors
+    /// If the link ends before.
+    fn receive(&mut self, bytes: &mut [u8]) -> Result<(), Self::Error>;
+
+    /// Sends all of `bytes` on the link; blocks.
+    ///
+    /// # Errors
+    /// If the link has ended.
+    fn send(&mut self, bytes: &[u8]) -> Result<(), Self::Error>;
+
+    /// The next detector row of `width` pixels, valid until the next call; blocks. A configuration
+    /// has at most 4096 pixels in a row.
+    ///
+    /// # Errors
+    /// If the detector ends before.
+    fn row(&mut self, width: usize) -> Result<&[u16], Self::Error>;
+
+    /// Hands the codes of a frame, in subaperture order, to the DACs.
+    ///
+    /// # Errors
+    /// If nothing takes them any more.
+    fn actuate(&mut self, codes: &[[u16; 3]]) -> Result<(), Self::Error>;
+
+    /// Marks this moment for the counter outside: instructions or cycles. Without a receiver, since
+    /// a row is borrowed from the port while the time of `push_row` is taken.
+    fn mark();
+}

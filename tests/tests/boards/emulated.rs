@@ -1,0 +1,137 @@
+//! The emulated boards: the same codes as the library in this process.
+//!
+//! Without the emulator or the target's compiler these say why they are skipped; with SPLASH_BOARDS
+//! in the environment they fail in place of that.
+
+use super::{frames, same_as_here, usual};
+use host_sim::board::remote::Remote;
+use host_sim::board::{Board, BoardError, Frame, Options, ibex, in_process, qemu};
+use host_sim::calibration::SlopeCalibration;
+use host_sim::closed_loop::{ClosedLoop, Run, Sensing};
+use host_sim::instrument::Instrument as Description;
+use host_sim::optics::geometric::Sensor;
+use host_sim::reconstructor::Reconstructor;
+use host_sim::summary::CodeDigest;
+use splash_firmware::pipeline::Totals;
+use splash_firmware::spec::{Estimator, Spec};
+use splash_tests::instrument::Instrument;
+
+type Open = fn(&Spec<'_>, Options) -> Result<Remote, BoardError>;
+
+/// A board, if there is what it takes.
+fn board(open: Open, spec: &Spec<'_>, options: Options) -> Option<Remote> {
+    match open(spec, options) {
+        Ok(board) => Some(board),
+        Err(error @ (BoardError::Missing { .. } | BoardError::Build { .. }))
+            if std::env::var_os("SPLASH_BOARDS").is_none() =>
+        {
+            println!("skipped: {error}");
+            None
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// Digest and totals of a loop closed by this board with the default instrument.
+fn closed(
+    description: &Description,
+    reconstructor: &Reconstructor,
+    board: &mut dyn Board,
+    (sensing, frames): (Sensing, u32),
+) -> (String, Totals) {
+    let run = Run { sensor: Sensor::Splash, sensing, frames, seed: 1, noise_free: false };
+    let mut closed =
+        ClosedLoop::new(description, reconstructor, board, run, &mut |_| ()).expect("closed loop");
+    let mut digest = CodeDigest::default();
+    for _ in 0..frames {
+        closed.step().expect("a frame");
+        digest.add(closed.board().codes());
+    }
+    (digest.hex(), closed.board().totals())
+}
+
+fn closes_the_loop(open: Open, frames: u32) {
+    let description = Description::standard().expect("default");
+    let slopes = SlopeCalibration::measure(&description, &mut |_| ()).expect("calibration");
+    let reconstructor = Reconstructor::new(&description).expect("default").with_slopes(slopes);
+    let spec = reconstructor.spec();
+    let Some(mut there) = board(open, &spec, Options::default()) else { return };
+    for sensing in [Sensing::Images, Sensing::Geometric] {
+        let mut here = in_process(&spec).expect("configuration");
+        there.reset().expect("there");
+        let run = (sensing, frames);
+        let expected = closed(&description, &reconstructor, here.as_mut(), run);
+        let found = closed(&description, &reconstructor, &mut there, run);
+        println!("{sensing:?}, {frames} frames: {}", found.0);
+        assert_eq!(found, expected, "{sensing:?}");
+    }
+}
+
+#[test]
+fn qemu_closes_the_loop_as_the_host_does() {
+    closes_the_loop(qemu::open, 200);
+}
+
+#[test]
+fn ibex_closes_the_loop_as_the_host_does() {
+    closes_the_loop(ibex::open, 20);
+}
+
+#[test]
+fn qemu_does_with_bad_frames_what_the_host_does() {
+    let mut sixteen = Instrument::circle(16, 8);
+    sixteen.estimator = Estimator::Brightest { count: 12 };
+    for instrument in [usual(), sixteen] {
+        let Some(mut there) = board(qemu::open, &instrument.spec(), Options::default()) else {
+            return;
+        };
+        assert_eq!(there.identity().board, "mps2-an500");
+        same_as_here(&instrument, &mut there);
+    }
+}
+
+#[test]
+fn a_geometry_that_does_not_fit_qemu_is_refused() {
+    let large = Instrument::circle(16, 16);
+    match board(qemu::open, &usual().spec(), Options::default()) {
+        None => {}
+        Some(_) => {
+            let error = qemu::open(&large.spec(), Options::default()).err().expect("too large");
+            let expected = "board qemu: windows.pixels = 53248: must be from 1 to 16384";
+            assert_eq!(error.to_string(), expected);
+        }
+    }
+}
+
+/// Totals at the marks of three frames.
+fn marks(instrument: &Instrument) -> Option<Vec<Vec<u64>>> {
+    let options = Options { marks: true, ..Options::default() };
+    let mut board = board(qemu::open, &instrument.spec(), options)?;
+    let pixels = frames(instrument, 3);
+    let start = board.marks().expect("marks");
+    assert_eq!(start.len(), 2, "those at the start: {start:?}");
+    assert_eq!(start[1] - start[0], 1, "a mark is one instruction");
+    let one = |(number, pixels): (usize, &Vec<u16>)| {
+        board.frame(number as u32, Frame::Pixels(pixels)).expect("a frame");
+        let marks = board.marks().expect("marks");
+        marks.iter().map(|mark| mark - marks[0]).collect()
+    };
+    Some(pixels.iter().enumerate().map(one).collect())
+}
+
+#[test]
+fn instructions_on_qemu_are_counted_exactly() {
+    let instrument = usual();
+    let Some(counted) = marks(&instrument) else { return };
+    let rows = usize::from(instrument.detector.height);
+    for marks in &counted {
+        // begin; push_row each; finish, in which five stages.
+        assert_eq!(marks.len(), 2 + 2 * rows + 2 + 5);
+        assert!(marks.is_sorted());
+    }
+    // Nothing of a frame's path takes less than an instruction or two a pixel row.
+    let total = counted[2].last().copied().unwrap_or_default();
+    println!("{total} instructions in the last frame");
+    assert!(total > rows as u64);
+    assert_eq!(marks(&instrument), Some(counted), "the same in every run");
+}
