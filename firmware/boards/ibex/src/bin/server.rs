@@ -1,0 +1,48 @@
+//! Serves host-sim: detector rows in, DAC codes and telemetry out.
+#![no_std]
+#![no_main]
+
+use core::fmt::Write;
+use ibex::{Console, DMEM_BYTES, Exit, Once, Ports, STACK_BYTES, exit};
+use splash_firmware::config::Config;
+use splash_firmware::pipeline::Pipeline;
+use splash_server::serve;
+
+/// Cells of the subaperture grid: 16 x 16.
+const M: usize = 256;
+/// Window pixels: 64 windows of 16 x 16, or 256 of 8 x 8.
+const P: usize = 16_384;
+/// Pixels that brightest-n can buffer: 8 windows of 16 x 16 in a row, or 16 of 8 x 8 in two.
+const B: usize = 2_048;
+
+static CONFIG: Once<Config<M, P, B>> = Once::new(Config::new());
+static PIPELINE: Once<Pipeline<M, B>> = Once::new(Pipeline::new());
+
+const NEEDED: usize = size_of::<Config<M, P, B>>() + size_of::<Pipeline<M, B>>() + STACK_BYTES;
+const _: () = const_panic::concat_assert!(
+    NEEDED <= DMEM_BYTES,
+    "M = ",
+    M,
+    ", P = ",
+    P,
+    ", B = ",
+    B,
+    " and the stack need ",
+    NEEDED,
+    " bytes: ",
+    NEEDED.saturating_sub(DMEM_BYTES),
+    " more than the board has"
+);
+
+/// Where `start` goes.
+// SAFETY: the name is that of the call in `start` and of nothing else.
+#[allow(unsafe_code, reason = "an entry by its name")]
+#[unsafe(no_mangle)]
+extern "C" fn main() -> ! {
+    if let (Some(config), Some(pipeline)) = (CONFIG.take(), PIPELINE.take()) {
+        let _ = writeln!(Console, "room for {M} cells, {P} window pixels, {B} buffered");
+        // The one way in which it ends.
+        let ibex::Closed = serve(&mut Ports::new(), "ibex", config, pipeline);
+    }
+    exit(Exit::Done)
+}

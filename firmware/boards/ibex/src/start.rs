@@ -1,0 +1,78 @@
+//! From reset to `main`, and from a fault to the end.
+#![allow(unsafe_code, reason = "what runs before there is a stack, and memory taken once")]
+
+use crate::{Console, Exit, exit};
+use core::arch::global_asm;
+use core::cell::{Cell, UnsafeCell};
+use core::fmt::Write;
+
+// Ibex's vectors are 32 jumps; it starts at the next instruction after them.
+global_asm!(
+    ".section .vectors, \"ax\"",
+    ".option push",
+    ".option norvc",
+    ".rept 32",
+    "j _trap",
+    ".endr",
+    ".section .start, \"ax\"",
+    ".globl _start",
+    "_start:",
+    "la sp, __stack_top",
+    "la a0, __data",
+    "la a1, __data_end",
+    "la a2, __data_from",
+    "1: bgeu a0, a1, 2f",
+    "lw a3, 0(a2)",
+    "sw a3, 0(a0)",
+    "addi a0, a0, 4",
+    "addi a2, a2, 4",
+    "j 1b",
+    "2: la a0, __bss",
+    "la a1, __bss_end",
+    "3: bgeu a0, a1, 4f",
+    "sw zero, 0(a0)",
+    "addi a0, a0, 4",
+    "j 3b",
+    "4: call main",
+    "_trap:",
+    "la sp, __stack_top",
+    "csrr a0, mcause",
+    "csrr a1, mepc",
+    "csrr a2, mtval",
+    "call fault",
+    ".option pop",
+);
+
+/// Where every fault ends: there is nothing to go back to.
+// SAFETY: the name is that of the jump above and of nothing else.
+#[unsafe(no_mangle)]
+extern "C" fn fault(cause: u32, address: u32, value: u32) -> ! {
+    let _ = writeln!(Console, "fault {cause} at {address:#010x}, value {value:#010x}");
+    exit(Exit::Fault)
+}
+
+/// A value in data memory that is taken once.
+pub struct Once<T> {
+    taken: Cell<bool>,
+    value: UnsafeCell<T>,
+}
+
+// SAFETY: there is one hart, no interrupt is ever enabled, and the fault handler, which does not
+// return, takes none.
+unsafe impl<T: Send> Sync for Once<T> {}
+
+impl<T> Once<T> {
+    /// With this value; all zeros take no place in the image.
+    pub const fn new(value: T) -> Self {
+        Self { taken: Cell::new(false), value: UnsafeCell::new(value) }
+    }
+
+    /// The value, the first time.
+    pub fn take(&'static self) -> Option<&'static mut T> {
+        if self.taken.replace(true) {
+            return None;
+        }
+        // SAFETY: handed out once, and nothing else looks at it.
+        Some(unsafe { &mut *self.value.get() })
+    }
+}
