@@ -19,7 +19,7 @@ pub mod remote;
 
 pub use in_process::in_process;
 pub use log::Format;
-pub use program::{BuildError, program};
+pub use program::BuildError;
 
 use process::Failure;
 use splash_firmware::centroid::Measurement;

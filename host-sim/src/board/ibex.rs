@@ -20,12 +20,8 @@ pub fn open(spec: &Spec<'_>, options: Options) -> Result<Remote, BoardError> {
     Remote::open(&emulator()?, spec, options)
 }
 
-/// The simulator with the server program in it, which is built if it is not up to date. It writes
-/// marks whether they are asked for or not.
-///
-/// # Errors
-/// [`BoardError::Missing`] without the simulator, [`BoardError::Build`].
-pub fn emulator() -> Result<Emulator, BoardError> {
+/// The simulator with the server program in it. It writes marks whether they are asked for or not.
+fn emulator() -> Result<Emulator, BoardError> {
     let simulator = program::tree().join(SIMULATOR);
     if !simulator.exists() {
         let what = format!(
@@ -35,7 +31,7 @@ pub fn emulator() -> Result<Emulator, BoardError> {
         );
         return Err(BoardError::Missing { board: NAME, what });
     }
-    let elf = program(NAME, TARGET, "server")
+    let elf = program::program(NAME, TARGET, "server")
         .map_err(|source| BoardError::Build { board: NAME, source })?;
     let command = vec![simulator.into_os_string(), elf.into_os_string()];
     Ok(Emulator { board: NAME, command, log: Format::Text })

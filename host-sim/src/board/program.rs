@@ -54,10 +54,11 @@ fn build(folder: PathBuf, arguments: &[&str], target: &'static str) -> Result<Pa
 
 /// Builds program `name` of the board in `firmware/boards/BOARD`, which takes no time if it is up
 /// to date, and returns its path.
-///
-/// # Errors
-/// A [`BuildError`].
-pub fn program(board: &str, target: &'static str, name: &str) -> Result<PathBuf, BuildError> {
+pub(super) fn program(
+    board: &str,
+    target: &'static str,
+    name: &str,
+) -> Result<PathBuf, BuildError> {
     let folder = tree().join("firmware/boards").join(board);
     let built = build(folder, &["--bin", name], target)?;
     Ok(built.join(target).join("release").join(name))
@@ -66,12 +67,12 @@ pub fn program(board: &str, target: &'static str, name: &str) -> Result<PathBuf,
 /// Builds the instruction counter of the board in `firmware/boards/BOARD`, which QEMU loads.
 pub(super) fn plugin(board: &str) -> Result<PathBuf, BuildError> {
     let folder = tree().join("firmware/boards").join(board).join("icount");
-    let manifest = folder.join("Cargo.toml");
-    let manifest = manifest.to_string_lossy();
-    // From the top: in its folder, the board's target would be that of the plugin, too.
     if !folder.exists() {
         return Err(BuildError::Sources(folder));
     }
+    let manifest = folder.join("Cargo.toml");
+    let manifest = manifest.to_string_lossy();
+    // From the top: in its folder, the board's target would be that of the plugin, too.
     let built = build(tree().to_path_buf(), &["--manifest-path", &manifest], "the PC itself")?;
     Ok(built.join("release").join("libicount.so"))
 }

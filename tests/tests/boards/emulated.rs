@@ -14,14 +14,24 @@ use host_sim::reconstructor::Reconstructor;
 use host_sim::summary::CodeDigest;
 use splash_firmware::pipeline::Totals;
 use splash_firmware::spec::{Estimator, Spec};
+use splash_suite::{BUFFER, CELLS, PIXELS, Workspace};
 use splash_tests::instrument::Instrument;
+use splash_tests::with_big_stack;
+use std::ffi::OsString;
+use std::io::{Read, Seek};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 type Open = fn(&Spec<'_>, Options) -> Result<Remote, BoardError>;
 
 /// A board, if there is what it takes.
 fn board(open: Open, spec: &Spec<'_>, options: Options) -> Option<Remote> {
-    match open(spec, options) {
-        Ok(board) => Some(board),
+    or_skip(open(spec, options))
+}
+
+fn or_skip<T>(made: Result<T, BoardError>) -> Option<T> {
+    match made {
+        Ok(made) => Some(made),
         Err(error @ (BoardError::Missing { .. } | BoardError::Build { .. }))
             if std::env::var_os("SPLASH_BOARDS").is_none() =>
         {
@@ -65,6 +75,47 @@ fn closes_the_loop(open: Open, frames: u32) {
         println!("{sensing:?}, {frames} frames: {}", found.0);
         assert_eq!(found, expected, "{sensing:?}");
     }
+}
+
+/// What a program prints that ends by itself with exit code 0.
+fn printed(command: &[OsString]) -> String {
+    let mut output = tempfile::tempfile().expect("a file");
+    let (program, arguments) = command.split_first().expect("a program");
+    let stdout = output.try_clone().expect("a file");
+    let mut command = Command::new(program);
+    let mut child =
+        command.args(arguments).stdout(stdout).stdin(Stdio::null()).spawn().expect("it");
+    let until = Instant::now() + Duration::from_secs(120);
+    let status = loop {
+        match child.try_wait().expect("a child") {
+            Some(status) => break status,
+            None if Instant::now() > until => {
+                child.kill().expect("a child");
+                panic!("{program:?} does not end");
+            }
+            None => std::thread::sleep(Duration::from_millis(10)),
+        }
+    };
+    let mut text = String::new();
+    output.rewind().expect("a file");
+    output.read_to_string(&mut text).expect("text");
+    assert!(status.success(), "{status}: {text}");
+    text
+}
+
+#[test]
+fn every_stage_gives_the_same_bits_on_qemu() {
+    let Some(elf) = or_skip(qemu::program("suite")) else { return };
+    let found = printed(&qemu::command(&elf, &[]));
+    let mut expected = String::new();
+    with_big_stack(|| {
+        let mut workspace = Box::new(Workspace::<CELLS, PIXELS, BUFFER>::new());
+        workspace.run(&mut |line| expected += &format!("{line}\n")).expect("the suite");
+    });
+    let pairs = found.lines().zip(expected.lines());
+    let different = pairs.filter(|(found, expected)| found != expected).collect::<Vec<_>>();
+    assert!(different.is_empty(), "on QEMU and here: {different:#?}");
+    assert_eq!(found.lines().count(), expected.lines().count());
 }
 
 #[test]

@@ -20,5 +20,5 @@ use defmt_semihosting as _;
 /// RAM for `.data`, `.bss` and the stack, bytes, as in `memory.x`.
 pub const RAM_BYTES: usize = 4 << 20;
 
-/// What of it is kept for the stack, bytes: a configuration is made there before it is moved.
-pub const STACK_BYTES: usize = 512 << 10;
+/// What of it is kept for the stack, bytes: many times what any program here takes.
+pub const STACK_BYTES: usize = 64 << 10;

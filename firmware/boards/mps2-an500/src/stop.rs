@@ -8,6 +8,8 @@ use cortex_m_rt::{ExceptionFrame, exception};
 pub enum Exit {
     /// The link ended, or the program is done.
     Done = 0,
+    /// An instrument was refused.
+    Refused = 2,
     /// The link broke, or was never there.
     Link = 3,
     /// The processor met a fault, or an interrupt that nothing asked for.

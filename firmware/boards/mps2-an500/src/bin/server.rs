@@ -7,7 +7,7 @@ use semihosting::io::ErrorKind;
 use splash_firmware::config::Config;
 use splash_firmware::pipeline::Pipeline;
 use splash_server::serve;
-use static_cell::StaticCell;
+use static_cell::ConstStaticCell;
 
 /// Cells of the subaperture grid: 16 x 16.
 const M: usize = 256;
@@ -16,8 +16,8 @@ const P: usize = 16_384;
 /// Pixels that brightest-n can buffer: 8 windows of 16 x 16 in a row, or 16 of 8 x 8 in two.
 const B: usize = 2_048;
 
-static CONFIG: StaticCell<Config<M, P, B>> = StaticCell::new();
-static PIPELINE: StaticCell<Pipeline<M, B>> = StaticCell::new();
+static CONFIG: ConstStaticCell<Config<M, P, B>> = ConstStaticCell::new(Config::new());
+static PIPELINE: ConstStaticCell<Pipeline<M, B>> = ConstStaticCell::new(Pipeline::new());
 
 const NEEDED: usize =
     size_of::<Config<M, P, B>>() + size_of::<Pipeline<M, B>>() + size_of::<Pipes>() + STACK_BYTES;
@@ -38,8 +38,8 @@ const _: () = const_panic::concat_assert!(
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let config = CONFIG.init_with(Config::new);
-    let pipeline = PIPELINE.init_with(Pipeline::new);
+    let config = CONFIG.take();
+    let pipeline = PIPELINE.take();
     let ended = match Pipes::open() {
         Ok(mut pipes) => {
             defmt::info!("room for {} cells, {} window pixels, {} buffered", M, P, B);
