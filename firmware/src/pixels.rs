@@ -19,7 +19,7 @@
 //!   peak) exceeds its fixed one, u16, one value a window and frame.
 //!
 //! Without a flat field (no pixel's gain differs) and with the subtracting convention this is
-//! s = max(raw - (floor + excess), 0), which the packed kernels of [`crate::dsp`] compute.
+//! s = max(raw - (floor + excess), 0), which the packed kernels of the `dsp` module compute.
 //!
 //! Peak and saturated pixels are looked for where the spot is: in the rows next to the last
 //! centroid ([`WATCHED`] of them). They cost as much as the moments, and what a moving threshold

@@ -23,7 +23,7 @@
 //! ```
 //!
 //! Whether a tip/tilt within +-2^23 can fail to fit, and a move be too fast, is known when the
-//! configuration is built ([`Travel`]); a mirror where neither can happen spends no time on it.
+//! configuration is built (`Travel`); a mirror where neither can happen spends no time on it.
 //!
 //! **Scaling and overflow.** Positions in ulp: |p| <= 2^26 with a global tilt's plane, |tip|,
 //! |tilt| <= 2^23. Ratios t within +-16, in i16 with 10 to 15 fraction bits; a product with a tilt

@@ -27,12 +27,13 @@ module detector_port #(
   output logic [31:0]          mem_wdata_o
 );
   logic [AddrWidth-1:0] base_q, addr_q;
-  logic [15:0] width_q, left_q, ring_q, place_q, rows_q, low_q;
+  // What is written takes effect with a restart, so that no pixel meets half of a new setting.
+  logic [15:0] width_q, left_q, ring_set_q, ring_q, place_q, rows_q, low_q;
   logic high_q;  // the next pixel is an upper half
 
   logic take, row_ends;
-  assign pixel_ready_o = rows_q != ring_q;
-  assign take = pixel_valid_i & pixel_ready_o & ~restart_i;
+  assign pixel_ready_o = (rows_q != ring_q) & ~restart_i;
+  assign take = pixel_valid_i & pixel_ready_o;
   assign row_ends = left_q == 16'd1;
 
   assign mem_req_o = take & (high_q | row_ends);
@@ -47,6 +48,7 @@ module detector_port #(
     if (!rst_ni) begin
       base_q <= '0;
       width_q <= 16'd1;
+      ring_set_q <= '0;
       ring_q <= '0;
       addr_q <= '0;
       left_q <= 16'd1;
@@ -58,8 +60,9 @@ module detector_port #(
     end else begin
       if (base_we_i) base_q <= wdata_i[AddrWidth-1:0];
       if (width_we_i) width_q <= wdata_i[15:0];
-      if (ring_we_i) ring_q <= wdata_i[15:0];
+      if (ring_we_i) ring_set_q <= wdata_i[15:0];
       if (restart_i) begin
+        ring_q <= ring_set_q;
         addr_q <= base_q;
         left_q <= width_q;
         place_q <= '0;
