@@ -5,6 +5,7 @@ use super::process::Emulator;
 use super::remote::Remote;
 use super::{BoardError, Options, program};
 use splash_firmware::spec::Spec;
+use std::ffi::OsString;
 
 /// Its name on the command line and in `firmware/boards`.
 const NAME: &str = "ibex";
@@ -20,8 +21,12 @@ pub fn open(spec: &Spec<'_>, options: Options) -> Result<Remote, BoardError> {
     Remote::open(&emulator()?, spec, options)
 }
 
-/// The simulator with the server program in it. It writes marks whether they are asked for or not.
-fn emulator() -> Result<Emulator, BoardError> {
+/// The command that runs a program of the board, `server` or `suite`, which it builds. Standard
+/// output is the console.
+///
+/// # Errors
+/// [`BoardError::Missing`] without the simulator, [`BoardError::Build`].
+pub fn command(name: &str) -> Result<Vec<OsString>, BoardError> {
     let simulator = program::tree().join(SIMULATOR);
     if !simulator.exists() {
         let what = format!(
@@ -31,8 +36,12 @@ fn emulator() -> Result<Emulator, BoardError> {
         );
         return Err(BoardError::Missing { board: NAME, what });
     }
-    let elf = program::program(NAME, TARGET, "server")
+    let elf = program::program(NAME, TARGET, name)
         .map_err(|source| BoardError::Build { board: NAME, source })?;
-    let command = vec![simulator.into_os_string(), elf.into_os_string()];
-    Ok(Emulator { board: NAME, command, log: Format::Text })
+    Ok(vec![simulator.into_os_string(), elf.into_os_string()])
+}
+
+/// The simulator with the server program in it. It writes marks whether they are asked for or not.
+fn emulator() -> Result<Emulator, BoardError> {
+    Ok(Emulator { board: NAME, command: command("server")?, log: Format::Text })
 }

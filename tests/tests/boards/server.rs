@@ -26,6 +26,9 @@ struct Memory {
     received: usize,
     pixels: Vec<u16>,
     read: usize,
+    /// Pixels of a row, and where the frame ends.
+    width: usize,
+    end: usize,
     answers: Vec<u8>,
     actuated: Vec<Vec<[u16; 3]>>,
 }
@@ -48,10 +51,18 @@ impl Port for Memory {
         Ok(())
     }
 
-    fn row(&mut self, width: usize) -> Result<&[u16], End> {
+    fn expose(&mut self, pixels: usize, width: usize) -> Result<(), End> {
+        assert_eq!(self.read, self.end, "the frame before was read to its end");
+        self.end += pixels;
+        self.width = width;
+        Ok(())
+    }
+
+    fn row(&mut self) -> Result<Option<&[u16]>, End> {
         let start = self.read;
-        self.read += width;
-        self.pixels.get(start..self.read).ok_or(End)
+        self.read = self.end.min(start + self.width);
+        let row = self.pixels.get(start..self.read).ok_or(End)?;
+        Ok((!row.is_empty()).then_some(row))
     }
 
     fn actuate(&mut self, codes: &[[u16; 3]]) -> Result<(), End> {

@@ -27,11 +27,11 @@ static RING: Ring = Ring(UnsafeCell::new([0; RING_WORDS]));
 
 /// The core's ways in and out. There is one of each: see [`Ports::new`].
 pub struct Ports {
-    /// Pixels in a row, 0 before the first.
+    /// Pixels in a row, and of the frame that are to come.
     width: usize,
-    /// Rows in the ring, and words from one to the next.
+    left: usize,
+    /// Rows in the ring.
     rows: usize,
-    stride: usize,
     /// Place of the next row, and whether the one before it is still out.
     next: usize,
     lent: bool,
@@ -40,21 +40,12 @@ pub struct Ports {
 impl Ports {
     /// The ports. Rows are lent by the value that made them: make one only.
     pub const fn new() -> Self {
-        Self { width: 0, rows: 0, stride: 0, next: 0, lent: false }
+        Self { width: 0, left: 0, rows: 0, next: 0, lent: false }
     }
 
-    /// Sets the detector port up for rows of this width, with an empty ring.
-    fn configure(&mut self, width: usize) {
-        self.width = width;
-        self.stride = width.div_ceil(2);
-        self.rows = (RING_WORDS / self.stride.max(1)).min(RING_ROWS);
-        self.next = 0;
-        self.lent = false;
-        let base = RING.0.get().addr() - DMEM;
-        Register::DETECTOR_BASE.write((base / 4) as u32);
-        Register::DETECTOR_WIDTH.write(width as u32);
-        Register::DETECTOR_RING.write(self.rows as u32);
-        Register::DETECTOR_CONTROL.write(1);
+    /// Words from one row of the ring to the next.
+    fn stride(&self) -> usize {
+        self.width.div_ceil(2)
     }
 }
 
@@ -90,22 +81,39 @@ impl Port for Ports {
         Ok(())
     }
 
-    fn row(&mut self, width: usize) -> Result<&[u16], Closed> {
-        if width != self.width {
-            self.configure(width);
+    fn expose(&mut self, pixels: usize, width: usize) -> Result<(), Closed> {
+        self.width = width;
+        self.left = pixels;
+        self.rows = (RING_WORDS / self.stride().max(1)).min(RING_ROWS);
+        self.next = 0;
+        self.lent = false;
+        let base = RING.0.get().addr() - DMEM;
+        Register::DETECTOR_BASE.write((base / 4) as u32);
+        Register::DETECTOR_WIDTH.write(width as u32);
+        Register::DETECTOR_RING.write(self.rows as u32);
+        Register::DETECTOR_CONTROL.write(pixels as u32);
+        Ok(())
+    }
+
+    fn row(&mut self) -> Result<Option<&[u16]>, Closed> {
+        let width = self.width.min(self.left);
+        if width == 0 {
+            return Ok(None);
         }
+        self.left -= width;
         if self.lent {
             Register::DETECTOR_TAKEN.write(1);
         }
         while Register::DETECTOR_ROWS.read() == 0 {}
         // The row was written before the count that says so was read.
         compiler_fence(Ordering::Acquire);
-        let at = self.next * self.stride;
+        let at = self.next * self.stride();
         self.next = (self.next + 1) % self.rows.max(1);
         self.lent = true;
+        let ring = RING.0.get().cast::<u32>();
         // SAFETY: the row lies in the ring, at whole words; the port wrote all of it, and does not
         // write it again before it is given back, for which this value must be borrowed anew.
-        Ok(unsafe { core::slice::from_raw_parts(RING.0.get().cast::<u32>().add(at).cast(), width) })
+        Ok(Some(unsafe { core::slice::from_raw_parts(ring.add(at).cast(), width) }))
     }
 
     fn actuate(&mut self, codes: &[[u16; 3]]) -> Result<(), Closed> {

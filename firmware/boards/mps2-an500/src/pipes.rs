@@ -21,6 +21,9 @@ pub struct Pipes {
     taken: usize,
     filled: usize,
     row: [u16; ROW],
+    /// Pixels of a row, and of the frame that are to come.
+    width: usize,
+    left: usize,
 }
 
 impl Pipes {
@@ -37,6 +40,8 @@ impl Pipes {
             taken: 0,
             filled: 0,
             row: [0; ROW],
+            width: 0,
+            left: 0,
         })
     }
 }
@@ -61,10 +66,17 @@ impl Port for Pipes {
         self.answers.write_all(bytes)
     }
 
-    fn row(&mut self, width: usize) -> Result<&[u16]> {
+    fn expose(&mut self, pixels: usize, width: usize) -> Result<()> {
+        (self.left, self.width) = (pixels, width);
+        Ok(())
+    }
+
+    fn row(&mut self) -> Result<Option<&[u16]>> {
+        let width = self.width.min(self.left);
+        self.left -= width;
         let row = self.row.get_mut(..width).ok_or(ErrorKind::InvalidInput)?;
         self.detector.read_exact(bytemuck::cast_slice_mut(row))?;
-        Ok(row)
+        Ok((width > 0).then_some(row))
     }
 
     /// There are no DACs: the codes leave by the link.

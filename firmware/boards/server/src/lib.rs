@@ -29,12 +29,19 @@ pub trait Port {
     /// If the link has ended.
     fn send(&mut self, bytes: &[u8]) -> Result<(), Self::Error>;
 
-    /// The next detector row of `width` pixels, valid until the next call; blocks. A configuration
-    /// has at most 4096 pixels in a row.
+    /// Begins a frame of `pixels` pixels in rows of `width`, 1 to 4096. What is left of the frame
+    /// before is given up.
+    ///
+    /// # Errors
+    /// If there is no detector any more.
+    fn expose(&mut self, pixels: usize, width: usize) -> Result<(), Self::Error>;
+
+    /// The next row of the frame, valid until the next call, or `None` behind the last; blocks. The
+    /// last row of a frame that is cut short is shorter than the others.
     ///
     /// # Errors
     /// If the detector ends before.
-    fn row(&mut self, width: usize) -> Result<&[u16], Self::Error>;
+    fn row(&mut self) -> Result<Option<&[u16]>, Self::Error>;
 
     /// Hands the codes of a frame, in subaperture order, to the DACs.
     ///

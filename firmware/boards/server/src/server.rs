@@ -155,12 +155,9 @@ impl<const M: usize, const P: usize, const B: usize> Server<'_, M, P, B> {
         pixels: usize,
     ) -> Result<Result<(), RowError>, T::Error> {
         self.begin::<T>(number);
-        let width = usize::from(self.config.width()).max(1);
+        port.expose(pixels, usize::from(self.config.width()).max(1))?;
         let mut read = Ok(());
-        let mut left = pixels;
-        while left > 0 {
-            let row = port.row(left.min(width))?;
-            left -= left.min(width);
+        while let Some(row) = port.row()? {
             if read.is_ok() {
                 T::mark();
                 let pushed = self.pipeline.push_row(self.config, row);
