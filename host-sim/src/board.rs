@@ -6,7 +6,7 @@
 //! | [`qemu`] | the Cortex-M7 that QEMU emulates |
 //! | [`ibex`] | the soft core, simulated at register-transfer level |
 //!
-//! The last two are a [`remote`] board: a program of its own ([`program`]) in a [`process`] that may
+//! The last two are a [`remote`] board: a program of its own (built by `program`) in a [`process`] that may
 //! hang, die or talk nonsense, and is spoken to over pipes.
 
 pub mod ibex;

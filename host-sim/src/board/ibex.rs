@@ -6,12 +6,14 @@ use super::remote::Remote;
 use super::{BoardError, Options, program};
 use splash_firmware::spec::Spec;
 use std::ffi::OsString;
+use std::process::Command;
 
 /// Its name on the command line and in `firmware/boards`.
 const NAME: &str = "ibex";
 const TARGET: &str = "riscv32imc-unknown-none-elf";
-/// The simulator, from the top of the source tree.
+/// The simulator, and what builds it unless it is up to date, from the top of the source tree.
 const SIMULATOR: &str = "target/ibex/sim";
+const BUILD: &str = "firmware/boards/ibex/sim/build";
 
 /// Starts it with the configuration of `spec`.
 ///
@@ -25,17 +27,18 @@ pub fn open(spec: &Spec<'_>, options: Options) -> Result<Remote, BoardError> {
 /// output is the console.
 ///
 /// # Errors
-/// [`BoardError::Missing`] without the simulator, [`BoardError::Build`].
+/// [`BoardError::Missing`] without what the simulator is built with, [`BoardError::Build`].
 pub fn command(name: &str) -> Result<Vec<OsString>, BoardError> {
-    let simulator = program::tree().join(SIMULATOR);
-    if !simulator.exists() {
+    let build = program::tree().join(BUILD);
+    if !Command::new(&build).status().is_ok_and(|status| status.success()) {
         let what = format!(
-            "{} is not there: tests/toolchain.sh provides Verilator (package verilator) and the \
-             core's sources, firmware/boards/ibex/sim/build builds it",
-            simulator.display()
+            "{} cannot build the simulator: tests/toolchain.sh provides Verilator (package \
+             verilator) and the core's sources",
+            build.display()
         );
         return Err(BoardError::Missing { board: NAME, what });
     }
+    let simulator = program::tree().join(SIMULATOR);
     let elf = program::program(NAME, TARGET, name)
         .map_err(|source| BoardError::Build { board: NAME, source })?;
     Ok(vec![simulator.into_os_string(), elf.into_os_string()])

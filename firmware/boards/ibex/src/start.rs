@@ -68,6 +68,7 @@ impl<T> Once<T> {
     }
 
     /// The value, the first time.
+    #[allow(clippy::mut_from_ref, reason = "once")]
     pub fn take(&'static self) -> Option<&'static mut T> {
         if self.taken.replace(true) {
             return None;
