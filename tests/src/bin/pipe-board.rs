@@ -58,7 +58,7 @@ impl Port for Pipes {
         Ok(())
     }
 
-    fn row(&mut self) -> Result<Option<&[u16]>, Error> {
+    fn rows(&mut self) -> Result<Option<&[u16]>, Error> {
         let width = self.width.min(self.left);
         self.left -= width;
         self.row.clear();

@@ -58,7 +58,7 @@ impl Port for Memory {
         Ok(())
     }
 
-    fn row(&mut self) -> Result<Option<&[u16]>, End> {
+    fn rows(&mut self) -> Result<Option<&[u16]>, End> {
         let start = self.read;
         self.read = self.end.min(start + self.width);
         let row = self.pixels.get(start..self.read).ok_or(End)?;

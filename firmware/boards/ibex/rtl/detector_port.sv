@@ -18,7 +18,7 @@ module detector_port #(
   input  logic                 base_we_i,    // word address of the ring
   input  logic                 width_we_i,   // pixels in a row, at least 1
   input  logic                 ring_we_i,    // rows in the ring, at least 1
-  input  logic                 taken_i,      // a row was taken out
+  input  logic                 taken_i,      // that many rows were taken out
   input  logic [31:0]          wdata_i,
   output logic [31:0]          rows_o,       // rows completed and not taken
   output logic                 overrun_o,
@@ -83,7 +83,7 @@ module detector_port #(
           if (mem_req_o) addr_q <= row_ends & ends_ring ? base_q : addr_q + 1'b1;
           if (row_ends) place_q <= ends_ring ? '0 : place_q + 16'd1;
         end
-        rows_q <= rows_q + {15'h0, take & row_ends} - {15'h0, taken_i};
+        rows_q <= rows_q + {15'h0, take & row_ends} - (taken_i ? wdata_i[15:0] : 16'h0);
       end
     end
   end

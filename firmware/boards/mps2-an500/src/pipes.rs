@@ -7,6 +7,8 @@ use splash_server::Port;
 
 /// Pixels of the longest row that a configuration may have.
 const ROW: usize = 4096;
+/// Rows taken at once, as far as they fit the place of the longest.
+const BLOCK: usize = 16;
 
 /// Bytes of the link that are read ahead: each read of the host stops the emulated processor.
 const AHEAD: usize = 1024;
@@ -20,7 +22,7 @@ pub struct Pipes {
     /// Bytes of `ahead` that were taken, and that are there.
     taken: usize,
     filled: usize,
-    row: [u16; ROW],
+    rows: [u16; ROW],
     /// Pixels of a row, and of the frame that are to come.
     width: usize,
     left: usize,
@@ -39,7 +41,7 @@ impl Pipes {
             ahead: [0; AHEAD],
             taken: 0,
             filled: 0,
-            row: [0; ROW],
+            rows: [0; ROW],
             width: 0,
             left: 0,
         })
@@ -71,12 +73,14 @@ impl Port for Pipes {
         Ok(())
     }
 
-    fn row(&mut self) -> Result<Option<&[u16]>> {
-        let width = self.width.min(self.left);
-        self.left -= width;
-        let row = self.row.get_mut(..width).ok_or(ErrorKind::InvalidInput)?;
-        self.detector.read_exact(bytemuck::cast_slice_mut(row))?;
-        Ok((width > 0).then_some(row))
+    fn rows(&mut self) -> Result<Option<&[u16]>> {
+        let width = self.width.max(1);
+        let rows = (self.left / width).min(ROW / width).min(BLOCK);
+        let pixels = if rows > 0 { rows * width } else { self.left };
+        self.left -= pixels;
+        let rows = self.rows.get_mut(..pixels).ok_or(ErrorKind::InvalidInput)?;
+        self.detector.read_exact(bytemuck::cast_slice_mut(rows))?;
+        Ok((pixels > 0).then_some(rows))
     }
 
     /// There are no DACs: the codes leave by the link.

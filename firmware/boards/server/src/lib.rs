@@ -36,12 +36,12 @@ pub trait Port {
     /// If there is no detector any more.
     fn expose(&mut self, pixels: usize, width: usize) -> Result<(), Self::Error>;
 
-    /// The next row of the frame, valid until the next call, or `None` behind the last; blocks. The
-    /// last row of a frame that is cut short is shorter than the others.
+    /// The next rows of the frame, valid until the next call, or `None` behind the last; blocks. As
+    /// many whole rows as the board takes at once, or what is left of a last row that is cut short.
     ///
     /// # Errors
     /// If the detector ends before.
-    fn row(&mut self) -> Result<Option<&[u16]>, Self::Error>;
+    fn rows(&mut self) -> Result<Option<&[u16]>, Self::Error>;
 
     /// Hands the codes of a frame, in subaperture order, to the DACs.
     ///
@@ -50,6 +50,6 @@ pub trait Port {
     fn actuate(&mut self, codes: &[[u16; 3]]) -> Result<(), Self::Error>;
 
     /// Marks this moment for the counter outside: instructions or cycles. Without a receiver, since
-    /// a row is borrowed from the port while the time of `push_row` is taken.
+    /// rows are borrowed from the port while the time of `push_rows` is taken.
     fn mark();
 }
