@@ -6,6 +6,7 @@ use super::remote::Remote;
 use super::{BoardError, Options, program};
 use splash_firmware::spec::Spec;
 use std::ffi::OsString;
+use std::path::PathBuf;
 use std::process::Command;
 
 /// Its name on the command line and in `firmware/boards`.
@@ -39,9 +40,15 @@ pub fn command(name: &str) -> Result<Vec<OsString>, BoardError> {
         return Err(BoardError::Missing { board: NAME, what });
     }
     let simulator = program::tree().join(SIMULATOR);
-    let elf = program::program(NAME, TARGET, name)
-        .map_err(|source| BoardError::Build { board: NAME, source })?;
-    Ok(vec![simulator.into_os_string(), elf.into_os_string()])
+    Ok(vec![simulator.into_os_string(), program(name)?.into_os_string()])
+}
+
+/// Builds a program of the board: `server`, or `suite`.
+///
+/// # Errors
+/// [`BoardError::Build`].
+pub fn program(name: &str) -> Result<PathBuf, BoardError> {
+    program::program(NAME, TARGET, name).map_err(|source| BoardError::Build { board: NAME, source })
 }
 
 /// The simulator with the server program in it. It writes marks whether they are asked for or not.

@@ -11,6 +11,7 @@
 //! | `deaf` | opens its pipes, and reads none |
 
 use splash_firmware::config::Config;
+use splash_firmware::link::Stack;
 use splash_firmware::pipeline::Pipeline;
 use splash_server::{Port, serve};
 use splash_tests::with_big_stack;
@@ -72,6 +73,10 @@ impl Port for Pipes {
 
     fn actuate(&mut self, _: &[[u16; 3]]) -> Result<(), Error> {
         Ok(())
+    }
+
+    fn stack(&self) -> Stack {
+        Stack { used: 1000, reserved: 4000 }
     }
 
     fn mark() {}

@@ -5,7 +5,7 @@ use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;
 use splash_firmware::error::Field;
 use splash_firmware::link::{
-    LIST, Message, PIECE, Reason, Receiver, Request, Response, WIRE, encode,
+    LIST, Message, PIECE, Reason, Receiver, Request, Response, Stack, WIRE, encode,
 };
 use splash_firmware::pipeline::{GlobalTilt, Hold, Outcome, Pipeline, Report, RowError};
 use splash_server::{Port, serve};
@@ -68,6 +68,10 @@ impl Port for Memory {
     fn actuate(&mut self, codes: &[[u16; 3]]) -> Result<(), End> {
         self.actuated.push(codes.to_vec());
         Ok(())
+    }
+
+    fn stack(&self) -> Stack {
+        Stack { used: 1000, reserved: 4000 }
     }
 
     fn mark() {

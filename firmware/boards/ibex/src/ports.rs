@@ -1,9 +1,12 @@
 //! Link, detector and DACs.
 #![allow(unsafe_code, reason = "the ring that the detector port writes")]
 
+use crate::STACK_BYTES;
 use crate::map::Register;
+use crate::start::stack_used;
 use core::cell::UnsafeCell;
 use core::sync::atomic::{Ordering, compiler_fence};
+use splash_firmware::link::Stack;
 use splash_server::Port;
 
 /// Words of the ring of rows: two rows of the widest detector.
@@ -122,6 +125,10 @@ impl Port for Ports {
         codes.as_flattened().iter().for_each(|&code| Register::DAC_CODE.write(code.into()));
         Register::DAC_LOAD.write(1);
         Ok(())
+    }
+
+    fn stack(&self) -> Stack {
+        Stack { used: stack_used() as u32, reserved: STACK_BYTES as u32 }
     }
 
     #[inline(always)]

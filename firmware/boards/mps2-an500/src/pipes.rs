@@ -1,8 +1,10 @@
 //! The board's ways in and out: named pipes in the emulator's working directory, by semihosting.
 
-use crate::mark;
+use crate::stack::stack_used;
+use crate::{STACK_BYTES, mark};
 use semihosting::fs::File;
 use semihosting::io::{ErrorKind, Read, Result, Write};
+use splash_firmware::link::Stack;
 use splash_server::Port;
 
 /// Pixels of the longest row that a configuration may have.
@@ -86,6 +88,10 @@ impl Port for Pipes {
     /// There are no DACs: the codes leave by the link.
     fn actuate(&mut self, _: &[[u16; 3]]) -> Result<()> {
         Ok(())
+    }
+
+    fn stack(&self) -> Stack {
+        Stack { used: stack_used() as u32, reserved: STACK_BYTES as u32 }
     }
 
     #[inline(always)]

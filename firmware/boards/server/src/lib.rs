@@ -12,6 +12,8 @@ mod server;
 
 pub use server::serve;
 
+use splash_firmware::link::Stack;
+
 /// What an emulated board gives to the server.
 pub trait Port {
     /// Why a transfer failed: the other end is gone.
@@ -48,6 +50,9 @@ pub trait Port {
     /// # Errors
     /// If nothing takes them any more.
     fn actuate(&mut self, codes: &[[u16; 3]]) -> Result<(), Self::Error>;
+
+    /// How deep the stack went since the start.
+    fn stack(&self) -> Stack;
 
     /// Marks this moment for the counter outside: instructions or cycles. Without a receiver, since
     /// rows are borrowed from the port while the time of `push_rows` is taken.

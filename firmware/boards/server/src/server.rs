@@ -127,6 +127,10 @@ impl<const M: usize, const P: usize, const B: usize> Server<'_, M, P, B> {
                 self.pipeline.set_global_tilt(tilt);
                 out.send(Response::Ready)?;
             }
+            Request::Stack => {
+                let stack = out.port.stack();
+                out.send(Response::Stack(stack))?;
+            }
         }
         Ok(None)
     }
