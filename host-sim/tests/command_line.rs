@@ -508,3 +508,41 @@ fn the_loop_closes_on_imperfect_detectors() {
         assert!((found - perfect).abs() < 0.02, "{toml}: {found} beside {perfect}");
     }
 }
+
+/// A profile of the host: every stage, whole numbers, the files, and no sizes.
+#[test]
+fn a_profile_has_every_stage() {
+    let place = Place::new();
+    let shape = ["profile", "--n", "4", "--window", "8", "--bits", "14", "--sweeps", "3"];
+    let result = place.json(&[&shape[..], &["--out", "out"]].concat());
+    let named = |key: &str, value: Value| assert_eq!(result[key], value, "{key}");
+    named("board", "host".into());
+    named("unit", "ns".into());
+    for (key, value) in [("n", 4), ("window", 8), ("bits", 14), ("sweeps", 3)] {
+        named(key, value.into());
+    }
+    for size in ["flash_bytes", "ram_bytes", "stack_bytes"] {
+        named(size, Value::Null);
+    }
+    let stages = result["stages"].as_array().unwrap();
+    let names: Vec<_> = stages.iter().map(|stage| stage["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["centroid", "slopes", "control", "sor", "segments", "actuators"]);
+    let number = |value: &Value| value.as_u64().unwrap();
+    let [least, most] = ["frame_min", "frame_max"].map(|key| number(&result[key]));
+    // Counts are the largest of each stage: no frame is dearer than their sum.
+    let sum: u64 = stages.iter().map(|stage| number(&stage["count"])).sum();
+    assert!(0 < least && least <= most && most <= sum, "{result}");
+    assert!(number(&result["tail"]) <= most, "{result}");
+
+    let table = std::fs::read_to_string(place.path("out/profile.csv")).unwrap();
+    assert_eq!(table.lines().count(), 1 + 15, "three frames of five contents");
+    let figure = std::fs::read_to_string(place.path("out/timeline.svg")).unwrap();
+    let figure = roxmltree::Document::parse(&figure).unwrap();
+    let labels: Vec<_> =
+        figure.descendants().filter_map(|node| node.text()).map(str::trim).collect();
+    for label in ["detector", "core", "sor", "actuators"] {
+        assert!(labels.contains(&label), "{label}: {labels:?}");
+    }
+    place.refused(&["profile", "--window", "3"], &["windows.size", "3"]);
+    place.refused(&["profile", "--bits", "17"], &["bits", "17"]);
+}

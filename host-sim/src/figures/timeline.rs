@@ -27,7 +27,7 @@ pub struct Timeline<'a> {
     pub tail_us: &'a [(&'a str, f64); 5],
 }
 
-/// Draws when the detector is read and when the processor works: a block of rows is done when it is
+/// Draws when the detector is read and when the core works: a block of rows is done when it is
 /// there and what came before is done, the stages after the last row one after the other.
 ///
 /// # Errors
@@ -74,7 +74,7 @@ pub fn timeline(path: impl AsRef<Path>, frame: &Timeline<'_>) -> Result<(), Figu
     }
     axes.legend(&Symbol::Patch(ROWS, 1.0), "rows");
     axes.legend(&Symbol::Patch(READOUT, 1.0), "readout");
-    let lanes = [(0.0, "processor"), (1.0, "detector")];
+    let lanes = [(0.0, "core"), (1.0, "detector")];
     axes.frame_with(&lanes.map(|(value, label)| Tick { value, label: label.into() }));
     axes.canvas.save(path.as_ref())
 }
