@@ -100,6 +100,17 @@ impl Moments {
         self.y = self.y.wrapping_add((sum as i32).wrapping_mul(half_pixels(window, y)));
     }
 
+    /// Adds `count` rows from window row `y` on.
+    #[inline(always)]
+    pub(crate) fn add_rows(&mut self, window: usize, y: usize, count: usize, rows: RowSums) {
+        self.sum = self.sum.wrapping_add(rows.sum);
+        self.x = self.x.wrapping_add(rows.x);
+        // Row i counts n - i times in what is taken off: 2 (y + n) - (W - 1) - 2 (n - i) is its place.
+        let last = (rows.sum as i32).wrapping_mul(half_pixels(window, y.wrapping_add(count)));
+        let y = last.wrapping_sub((rows.running as i32).wrapping_mul(2));
+        self.y = self.y.wrapping_add(y);
+    }
+
     /// The centroid of what has been added, Q16 pixels from the window's centre; `short` if the
     /// sum has at most [`SHORT_SUM_BITS`].
     #[inline]
@@ -188,24 +199,84 @@ pub(crate) fn calibrated_row_moments(
     row_moments(signal.iter().map(|&s| u32::from(s)))
 }
 
+/// Sums of consecutive rows of a window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct RowSums {
+    /// Sum, below 2^26.
+    pub(crate) sum: u32,
+    /// x moment, half pixels, within 2^30.
+    pub(crate) x: i32,
+    /// Sum of the sums up to each row: of n rows, row i counts n - i times. Below 2^31.
+    pub(crate) running: u32,
+}
+
+impl RowSums {
+    /// Adds the next row.
+    #[inline(always)]
+    fn add(&mut self, (sum, x): (u32, i32)) {
+        self.sum = self.sum.wrapping_add(sum);
+        self.x = self.x.wrapping_add(x);
+        self.running = self.running.wrapping_add(self.sum);
+    }
+}
+
+/// Sums of some rows of a window of a bank that has only floors. `raw` starts with the first of their
+/// pixels and has the next row `stride` pixels further on; `floor` has `size` pixels a row and tells
+/// how many rows there are. `N` is half of `size`, or 0 for any.
+#[inline(always)]
+pub(crate) fn floored_moments<const N: usize>(
+    raw: &[u16],
+    stride: usize,
+    floor: &[u16],
+    size: usize,
+    cut: Cut,
+) -> RowSums {
+    #[cfg(target_arch = "riscv32")]
+    if let Some(rows) = crate::dsp::rv32::Rows::<N>::new(raw, stride, floor, cut) {
+        return rows.sums(cut);
+    }
+    sum_rows(raw, stride, floor, size, |raw, floor| floored_row_moments::<N>(raw, floor, cut))
+}
+
+/// [`floored_moments`] without vector instructions.
+#[cfg(test)]
+pub(crate) fn portable_floored_moments(
+    raw: &[u16],
+    stride: usize,
+    floor: &[u16],
+    size: usize,
+    cut: Cut,
+) -> RowSums {
+    sum_rows(raw, stride, floor, size, |raw, floor| portable_floored_row_moments(raw, floor, cut))
+}
+
+#[inline(always)]
+fn sum_rows(
+    raw: &[u16],
+    stride: usize,
+    floor: &[u16],
+    size: usize,
+    moments: impl Fn(&[u16], &[u16]) -> (u32, i32),
+) -> RowSums {
+    let mut sums = RowSums::default();
+    for (raw, floor) in raw.chunks(stride.max(1)).zip(floor.chunks_exact(size.max(1))) {
+        if let Some(raw) = raw.get(..size) {
+            sums.add(moments(raw, floor));
+        }
+    }
+    sums
+}
+
 /// Sum and x moment of one raw window row of a bank that has only floors. `N` is half the window's
 /// size, or 0 for any.
 #[inline(always)]
-pub(crate) fn floored_row_moments<const N: usize>(
-    raw: &[u16],
-    floor: &[u16],
-    cut: Cut,
-) -> (u32, i32) {
+fn floored_row_moments<const N: usize>(raw: &[u16], floor: &[u16], cut: Cut) -> (u32, i32) {
     #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
     if raw.len().is_multiple_of(crate::dsp::sse2::LANES) {
         return crate::dsp::sse2::floored_row_moments(raw, floor, cut);
     }
-    #[cfg(target_arch = "riscv32")]
-    if let Some((raw, floor)) = crate::dsp::rv32::packed::<N>(raw, floor, cut) {
-        return crate::dsp::rv32::row_moments(raw, floor, cut);
-    }
     #[cfg(armv7em)]
-    if let Some((raw, floor)) = crate::dsp::armv7em::packed::<N>(raw, floor) {
+    if let Some((raw, floor)) = crate::dsp::packed::<N>(raw, floor) {
         return crate::dsp::armv7em::row_moments(raw, floor, cut);
     }
     portable_floored_row_moments(raw, floor, cut)
@@ -226,20 +297,36 @@ pub(crate) fn signals(raw: &[u16], floor: &[u16], cut: Cut) -> impl ExactSizeIte
     })
 }
 
-/// Adds a watched row of a bank that has only floors to what was seen. `N` as in
-/// [`floored_row_moments`].
+/// Adds watched rows of a bank that has only floors to what was seen; arguments as in
+/// [`floored_moments`].
 #[inline(always)]
-pub(crate) fn note_floored<const N: usize>(raw: &[u16], floor: &[u16], cut: Cut, seen: &mut Seen) {
+pub(crate) fn note_floored<const N: usize>(
+    raw: &[u16],
+    stride: usize,
+    floor: &[u16],
+    size: usize,
+    cut: Cut,
+    seen: &mut Seen,
+) {
+    #[cfg(target_arch = "riscv32")]
+    if let Some(rows) = crate::dsp::rv32::Rows::<N>::new(raw, stride, floor, cut) {
+        return rows.note(cut, seen);
+    }
+    for (raw, floor) in raw.chunks(stride.max(1)).zip(floor.chunks_exact(size.max(1))) {
+        if let Some(raw) = raw.get(..size) {
+            note_floored_row::<N>(raw, floor, cut, seen);
+        }
+    }
+}
+
+#[inline(always)]
+fn note_floored_row<const N: usize>(raw: &[u16], floor: &[u16], cut: Cut, seen: &mut Seen) {
     #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
     if raw.len().is_multiple_of(crate::dsp::sse2::LANES) {
         return crate::dsp::sse2::note_floored(raw, floor, cut, seen);
     }
-    #[cfg(target_arch = "riscv32")]
-    if let Some((raw, floor)) = crate::dsp::rv32::packed::<N>(raw, floor, cut) {
-        return crate::dsp::rv32::note(raw, floor, cut, seen);
-    }
     #[cfg(armv7em)]
-    if let Some((raw, floor)) = crate::dsp::armv7em::packed::<N>(raw, floor) {
+    if let Some((raw, floor)) = crate::dsp::packed::<N>(raw, floor) {
         return crate::dsp::armv7em::note(raw, floor, cut, seen);
     }
     seen.note(signals(raw, floor, cut), raw, cut);

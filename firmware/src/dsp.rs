@@ -18,19 +18,32 @@ pub(crate) mod rv32;
 #[cfg(any(armv7em, test))]
 pub(crate) mod armv7em;
 
-/// Pixels as `N` words of two, the first in the lower half; `None` unless there are 2 N and they
+/// Pixels as words of two, the first in the lower half, without an odd last one; `None` unless they
 /// start at a word's address.
 #[cfg(any(target_arch = "riscv32", armv7em, test))]
 #[inline(always)]
-fn words<const N: usize>(pixels: &[u16]) -> Option<&[u32; N]> {
+fn words(pixels: &[u16]) -> Option<&[u32]> {
     let aligned = pixels.as_ptr().addr().is_multiple_of(align_of::<u32>());
-    if !aligned || pixels.len() != 2 * N || cfg!(target_endian = "big") {
+    if !aligned || cfg!(target_endian = "big") {
         return None;
     }
-    // SAFETY: the pointer is aligned for u32, the words cover the slice's memory and no more, any
-    // bits are a u32, and the shared borrow is passed on.
+    // SAFETY: the pointer is aligned for u32, the words cover none but the slice's memory, any bits
+    // are a u32, and the shared borrow is passed on.
     #[allow(unsafe_code)]
-    Some(unsafe { &*pixels.as_ptr().cast() })
+    Some(unsafe { core::slice::from_raw_parts(pixels.as_ptr().cast(), pixels.len() / 2) })
+}
+
+/// A row and its floors as `N` words each; `None` unless they are.
+#[cfg(any(armv7em, test))]
+#[inline(always)]
+pub(crate) fn packed<'a, const N: usize>(
+    raw: &'a [u16],
+    floor: &'a [u16],
+) -> Option<(&'a [u32; N], &'a [u32; N])> {
+    if N == 0 || raw.len() != 2 * N || floor.len() != 2 * N {
+        return None;
+    }
+    Some((words(raw)?.first_chunk()?, words(floor)?.first_chunk()?))
 }
 
 /// The first two lanes in a word, the first in the lower half.
@@ -75,7 +88,8 @@ mod tests {
         }
     }
 
-    /// Rows of raw values up to `top`, word aligned, and their floors: anything, and the ends of the range and their neighbours more often.
+    /// Rows of raw values up to `top`, word aligned, and their floors: anything, and the ends of the
+    /// range and their neighbours more often.
     pub(super) fn rows(pixels: usize, top: u16, mut check: impl FnMut(&[u16], &[u16], Cut)) {
         let mut x = 1u32;
         let mut next = || {
@@ -88,9 +102,8 @@ mod tests {
                 k if k % 4 == 0 => edges[next() as usize % edges.len()],
                 _ => (next() % (u32::from(top) + 1)) as u16,
             };
-            let mut row = || -> Vec<[u32; 1]> {
-                let words = (0..pixels / 2).map(|_| u32::from(any()) | u32::from(any()) << 16);
-                words.map(|word| [word]).collect()
+            let mut row = || -> Vec<u32> {
+                (0..pixels / 2).map(|_| u32::from(any()) | u32::from(any()) << 16).collect()
             };
             let (raw, floor) = (row(), row());
             let (excess, saturation) = (any(), any().max(1));
@@ -99,7 +112,7 @@ mod tests {
         }
     }
 
-    fn halves(words: &[[u32; 1]]) -> &[u16] {
+    pub(super) fn halves(words: &[u32]) -> &[u16] {
         // SAFETY: a u32 is two u16 in memory, aligned for them.
         #[allow(unsafe_code)]
         unsafe {

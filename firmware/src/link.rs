@@ -12,7 +12,7 @@ mod frame;
 mod message;
 
 pub use frame::{LinkError, Message, Receiver, WIRE, encode};
-pub use message::{Identity, LIST, List, PIECE, Reason, Request, Response};
+pub use message::{Identity, LIST, List, PIECE, Reason, Request, Response, Stack};
 
 /// Version of the framing and of the messages.
 pub const VERSION: u8 = 1;

@@ -169,19 +169,44 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         config: &Config<M, P, B>,
         pixels: &[u16],
     ) -> Result<Progress, RowError> {
+        self.push_rows(config, pixels, 1)
+    }
+
+    /// Takes the next `rows` detector rows at once, row-major: what they leave is what they leave one
+    /// by one, in less time, since each window is fetched and put back once for all of them.
+    ///
+    /// # Errors
+    /// As [`Pipeline::push_row`]. Of rows that are partly beyond the detector's last, those before it
+    /// are used.
+    #[inline]
+    pub fn push_rows<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        pixels: &[u16],
+        rows: u16,
+    ) -> Result<Progress, RowError> {
         if self.phase == Phase::Idle {
             return Err(RowError::NotBegun);
         }
-        if self.readout.rows() >= config.height {
-            self.extra_rows = self.extra_rows.saturating_add(1);
-            self.totals.extra_rows = self.totals.extra_rows.saturating_add(1);
+        let used = rows.min(config.height.saturating_sub(self.readout.rows()));
+        let width = usize::from(config.width);
+        if used > 0 {
+            if pixels.len() != usize::from(rows).wrapping_mul(width) {
+                self.phase = Phase::Malformed;
+                return Err(RowError::Length {
+                    found: pixels.len() as u32,
+                    expected: config.width,
+                });
+            }
+            let pixels = pixels.get(..usize::from(used).wrapping_mul(width)).unwrap_or_default();
+            self.readout.push(config, pixels, used);
+        }
+        let extra = rows.wrapping_sub(used);
+        if extra > 0 {
+            self.extra_rows = self.extra_rows.saturating_add(extra);
+            self.totals.extra_rows = self.totals.extra_rows.saturating_add(extra.into());
             return Err(RowError::Extra);
         }
-        if pixels.len() != usize::from(config.width) {
-            self.phase = Phase::Malformed;
-            return Err(RowError::Length { found: pixels.len() as u32, expected: config.width });
-        }
-        self.readout.push(config, pixels);
         let complete = self.readout.rows() == config.height;
         Ok(if complete { Progress::Complete } else { Progress::More })
     }

@@ -134,29 +134,44 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         self.row
     }
 
-    /// Takes the next row, which has the detector's width.
+    /// Takes the next `rows` rows, which have the detector's width.
     #[inline]
-    pub(crate) fn push<const P: usize>(&mut self, config: &Config<M, P, B>, pixels: &[u16]) {
-        let met = self.meet(config);
+    pub(crate) fn push<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        pixels: &[u16],
+        rows: u16,
+    ) {
         // The common sizes get loops of known length; the results are the same.
         let only_floors = config.bank.only_floors()
             && matches!(config.estimator, EstimatorConfig::CentreOfGravity { .. });
-        match (config.window, only_floors) {
-            (8, true) => self.floored_rows::<8, 4, P>(config, met, pixels),
-            (16, true) => self.floored_rows::<16, 8, P>(config, met, pixels),
-            (_, true) => self.floored_rows::<0, 0, P>(config, met, pixels),
-            (8, false) => self.rows_of::<8, P>(config, met, pixels),
-            (16, false) => self.rows_of::<16, P>(config, met, pixels),
-            (_, false) => self.rows_of::<0, P>(config, met, pixels),
+        if only_floors {
+            let met = self.meet(config, rows);
+            match config.window {
+                8 => self.floored_rows::<8, 4, P>(config, met, pixels, rows),
+                16 => self.floored_rows::<16, 8, P>(config, met, pixels, rows),
+                _ => self.floored_rows::<0, 0, P>(config, met, pixels, rows),
+            }
+            self.row = self.row.wrapping_add(rows);
+            return;
         }
-        self.row = self.row.wrapping_add(1);
+        for pixels in pixels.chunks_exact(usize::from(config.width).max(1)) {
+            let met = self.meet(config, 1);
+            match config.window {
+                8 => self.rows_of::<8, P>(config, met, pixels),
+                16 => self.rows_of::<16, P>(config, met, pixels),
+                _ => self.rows_of::<0, P>(config, met, pixels),
+            }
+            self.row = self.row.wrapping_add(1);
+        }
     }
 
-    /// First window that the row meets, and first that it does not meet any more.
+    /// First window that the next `rows` rows meet, and first that they do not meet any more.
     #[inline(always)]
-    fn meet<const P: usize>(&mut self, config: &Config<M, P, B>) -> [usize; 2] {
+    fn meet<const P: usize>(&mut self, config: &Config<M, P, B>, rows: u16) -> [usize; 2] {
         let [first, next] = &mut self.active;
-        let starts = |slot: &Slot| slot.y0 <= self.row;
+        let end = self.row.wrapping_add(rows);
+        let starts = |slot: &Slot| slot.y0 < end;
         while config.slots.get(*next).is_some_and(starts) {
             *next += 1;
         }
@@ -167,7 +182,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         self.active
     }
 
-    /// Adds the row to every window it meets, for centre of gravity above floors. `W` is the
+    /// Adds the rows to every window they meet, for centre of gravity above floors. `W` is the
     /// window's size and `N` half of it, or both 0 for any.
     ///
     /// Not inlined: it needs all registers.
@@ -177,9 +192,10 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         config: &Config<M, P, B>,
         [first, next]: [usize; 2],
         pixels: &[u16],
+        rows: u16,
     ) {
         let size = if W == 0 { config.window } else { W };
-        let row = self.row;
+        let (width, row) = (usize::from(config.width), self.row);
         let slots = config.slots.get(first..next).unwrap_or_default();
         let windows = self.windows.get_mut(first..next).unwrap_or_default();
         let [done, new] = &mut self.measurements;
@@ -189,21 +205,33 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         for ((slot, window), floors) in
             slots.iter().zip(windows).zip(config.bank.floors_of(first, next, size * size))
         {
-            let y = usize::from(row.wrapping_sub(slot.y0));
+            // Of the rows, those before the window's first; of the window, those before them.
+            let before = usize::from(slot.y0.saturating_sub(row));
+            let y = usize::from(row.saturating_sub(slot.y0));
+            let count = usize::from(rows).wrapping_sub(before).min(size.wrapping_sub(y));
             let x0 = usize::from(slot.x0);
-            // Both are there in a validated configuration and a row of the right length.
-            let (Some(raw), Some(floor)) =
-                (pixels.get(x0..x0 + size), floors.get(y * size..y * size + size))
-            else {
+            // Both are there in a validated configuration and rows of the right length.
+            let (Some(raw), Some(floor)) = (
+                pixels.get(before.wrapping_mul(width).wrapping_add(x0)..),
+                floors.get(y * size..y.wrapping_add(count).wrapping_mul(size)),
+            ) else {
                 continue;
             };
             let cut = Cut { excess: window.excess, ..base };
-            let sums = centroid::floored_row_moments::<N>(raw, floor, cut);
-            window.moments.add_row(size, y, sums);
-            if window.watches(y) {
-                centroid::note_floored::<N>(raw, floor, cut, &mut window.seen);
+            let sums = centroid::floored_moments::<N>(raw, width, floor, size, cut);
+            window.moments.add_rows(size, y, count, sums);
+            // Row by row: each is in one block, and where it lies does not show in the time.
+            for watched in 0..WATCHED {
+                let k = usize::from(window.watched).wrapping_add(watched).wrapping_sub(y);
+                if k < count
+                    && let Some(raw) = raw.get(k.wrapping_mul(width)..)
+                    && let Some(floor) =
+                        floor.get(k.wrapping_mul(size)..).and_then(|f| f.get(..size))
+                {
+                    centroid::note_floored::<N>(raw, width, floor, size, cut, &mut window.seen);
+                }
             }
-            if y + 1 == size {
+            if y.wrapping_add(count) == size {
                 let measurement = window.measurement(&window.moments, window.moments.sum, &shared);
                 if let Some(place) = measurements.get_mut(usize::from(slot.subaperture)) {
                     *place = measurement;
@@ -339,7 +367,8 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             window.excess = centroid::excess(measurement.peak, fraction, base, covered);
             let [_, y_q16] = measurement.centroid_q16;
             let seen = centroid::first_watched(config.window, y_q16);
-            let lit = u8::from(measurement.flux != 0);
+            // Opaque, or the compiler makes a branch of it: the time must not tell what is lit.
+            let lit = core::hint::black_box(u8::from(measurement.flux != 0));
             window.watched = seen * lit + window.watched * (1 - lit);
         }
         if weighted {

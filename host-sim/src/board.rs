@@ -6,7 +6,7 @@
 //! | [`qemu`] | the Cortex-M7 that QEMU emulates |
 //! | [`ibex`] | the soft core, simulated at register-transfer level |
 //!
-//! The last two are a [`remote`] board: a program of its own ([`program`]) in a [`process`] that may
+//! The last two are a [`remote`] board: a program of its own (built by `program`) in a [`process`] that may
 //! hang, die or talk nonsense, and is spoken to over pipes.
 
 pub mod ibex;
@@ -17,14 +17,14 @@ mod program;
 pub mod qemu;
 pub mod remote;
 
-pub use in_process::in_process;
+pub use in_process::{in_process, open};
 pub use log::Format;
 pub use program::BuildError;
 
 use process::Failure;
 use splash_firmware::centroid::Measurement;
 use splash_firmware::error::ConfigError;
-use splash_firmware::link::Reason;
+use splash_firmware::link::{Reason, Stack};
 use splash_firmware::pipeline::{Report, RowError, Totals};
 use splash_firmware::segments::Position;
 use splash_firmware::slopes::Slope;
@@ -139,4 +139,18 @@ pub trait Board {
 
     /// What went wrong so far.
     fn totals(&self) -> Totals;
+
+    /// The totals counted at each mark since the last call: ns, instructions or cycles. In a frame
+    /// there is a mark before and after `begin`, before and after each `push_rows`, before `finish`,
+    /// after each of its stages and after its end; the two before all frames tell what a mark costs.
+    ///
+    /// # Errors
+    /// [`BoardError::Process`] if the board was opened without [`Options::marks`].
+    fn marks(&mut self) -> Result<Vec<u64>, BoardError>;
+
+    /// How deep the stack went; `None` where the system takes care of it.
+    ///
+    /// # Errors
+    /// [`BoardError::Process`].
+    fn stack(&mut self) -> Result<Option<Stack>, BoardError>;
 }

@@ -4,7 +4,7 @@ use crate::board::{self, Board, BoardError, Options};
 use crate::closed_loop::Sensing;
 use crate::commands;
 use crate::error::Error;
-use crate::instrument::Instrument;
+use crate::instrument::{EstimatorName, Instrument};
 use crate::optics::geometric::Sensor;
 use clap::builder::RangedI64ValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
@@ -33,6 +33,8 @@ enum Command {
     Frames(FramesArgs),
     /// Feeds recorded frames to the firmware library with the configuration found beside them.
     Replay(ReplayArgs),
+    /// Measures what a frame costs on a board, stage by stage.
+    Profile(ProfileArgs),
     /// Prints the default instrument description (TOML) with comments.
     Config,
 }
@@ -134,6 +136,52 @@ pub struct ReplayArgs {
     pub(crate) output: OutputArgs,
 }
 
+/// `host-sim profile`.
+///
+/// Complete frames of very different content are run in one configuration: a count is the largest
+/// of all, and the worst case is the time.
+#[derive(Clone, Debug, Args)]
+pub struct ProfileArgs {
+    /// Instrument description (TOML), laid over the default one
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Where the firmware library runs: ns on the host, instructions on QEMU, cycles on Ibex
+    #[arg(long, value_enum, default_value_t = BoardName::Host)]
+    pub(crate) board: BoardName,
+    /// Subapertures across the pupil, 4 to 40 [default: the description's, 8]
+    #[arg(long, value_name = "N", value_parser = subapertures(), allow_negative_numbers = true)]
+    pub(crate) n: Option<usize>,
+    /// Pixels on a side of a window, 4 to 32, edge to edge [default: the description's, 16]
+    #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
+    pub(crate) window: Option<usize>,
+    /// Bits of a pixel, 8 to 16 [default: the description's, 12]
+    #[arg(long, value_name = "BITS", allow_negative_numbers = true)]
+    pub(crate) bits: Option<u32>,
+    /// Relaxation sweeps per frame [default: the description's, or N/2]
+    #[arg(long, value_name = "SWEEPS", allow_negative_numbers = true)]
+    pub(crate) sweeps: Option<u16>,
+    /// Centroid estimator [default: the description's, thresholded]
+    #[arg(long, value_enum)]
+    pub(crate) estimator: Option<EstimatorName>,
+    /// Clock of the board, MHz, for times [default: 480 for QEMU's Cortex-M7, 50 for Ibex]
+    #[arg(long, value_name = "MHZ", allow_negative_numbers = true)]
+    pub(crate) clock_mhz: Option<f64>,
+    /// Seed of the frames
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub(crate) seed: u64,
+    /// Seconds without an answer after which an emulated board is given up
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 60,
+        value_parser = value_parser!(u32).range(1..),
+        allow_negative_numbers = true
+    )]
+    pub(crate) patience: u32,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
 /// A sensor's name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum SensorName {
@@ -186,13 +234,25 @@ impl BoardName {
         }
     }
 
+    /// The program on that board, which is built where it is needed; `None` on the host.
+    ///
+    /// # Errors
+    /// [`BoardError::Missing`], [`BoardError::Build`].
+    pub fn program(self) -> Result<Option<PathBuf>, BoardError> {
+        match self {
+            Self::Host => Ok(None),
+            Self::Qemu => board::qemu::program("server").map(Some),
+            Self::Ibex => board::ibex::program("server").map(Some),
+        }
+    }
+
     /// The board of that name, with the configuration of `spec`.
     ///
     /// # Errors
     /// [`BoardError`].
     pub fn open(self, spec: &Spec<'_>, options: Options) -> Result<Box<dyn Board>, BoardError> {
         Ok(match self {
-            Self::Host => board::in_process(spec)?,
+            Self::Host => board::open(spec, options)?,
             Self::Qemu => Box::new(board::qemu::open(spec, options)?),
             Self::Ibex => Box::new(board::ibex::open(spec, options)?),
         })
@@ -253,6 +313,7 @@ impl Cli {
             Some(Command::Loop(args)) => commands::closed_loop::run(&args),
             Some(Command::Frames(args)) => commands::frames::run(&args),
             Some(Command::Replay(args)) => commands::replay::run(&args),
+            Some(Command::Profile(args)) => commands::profile::run(&args),
             Some(Command::Config) => commands::config::run(),
         }
     }

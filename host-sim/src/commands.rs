@@ -4,5 +4,6 @@ pub mod closed_loop;
 pub mod config;
 pub mod frames;
 mod output;
+pub mod profile;
 mod progress;
 pub mod replay;

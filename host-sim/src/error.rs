@@ -6,6 +6,7 @@ use crate::figures::FigureError;
 use crate::files::csv::CsvError;
 use crate::files::fits::FitsError;
 use crate::optics::OpticsError;
+use crate::profile::ProfileError;
 use splash_firmware::error::ConfigError;
 
 /// A failed command. Displayed as one line.
@@ -53,5 +54,14 @@ impl From<BoardError> for Error {
             _ => Self::Run,
         };
         kind(error.to_string())
+    }
+}
+
+impl From<ProfileError> for Error {
+    fn from(error: ProfileError) -> Self {
+        match error {
+            ProfileError::Board(error) => error.into(),
+            other => Self::Run(other.to_string()),
+        }
     }
 }

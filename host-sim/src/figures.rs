@@ -15,10 +15,12 @@ mod colour;
 mod detector_frame;
 mod maps;
 mod series;
+mod timeline;
 
 pub use detector_frame::{WindowMark, detector_frame};
 pub use maps::{phase_map, psf, segment_map};
 pub use series::strehl_series;
+pub use timeline::{Timeline, timeline};
 
 use std::path::PathBuf;
 

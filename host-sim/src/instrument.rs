@@ -10,6 +10,7 @@ use crate::atmosphere::Layer;
 use crate::detector::BadPixel;
 use crate::error::{Error, refuse};
 use crate::pupil::Pupil;
+use clap::ValueEnum;
 use limits::MAX_DETECTOR_SIDE;
 use serde::{Deserialize, Serialize};
 use splash_firmware::geometry::Mask;
@@ -154,7 +155,7 @@ pub struct Centroids {
 }
 
 /// Which estimator.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs, reason = "documented once, in the default file that users read")]
 pub enum EstimatorName {

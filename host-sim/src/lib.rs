@@ -11,6 +11,7 @@
 //! | [`reconstructor`] | the firmware's configuration for an instrument |
 //! | [`board`] | where the firmware library runs |
 //! | [`mirror`] | DAC codes to the shape of the segments |
+//! | [`profile`] | what a frame costs on a board |
 //! | [`closed_loop`] | all of them, frame after frame |
 //! | [`summary`] | averages, digest and faults of a run |
 //! | [`files`], [`figures`] | FITS, CSV and pictures |
@@ -30,6 +31,7 @@ pub mod imager;
 pub mod instrument;
 pub mod mirror;
 pub mod optics;
+pub mod profile;
 pub mod pupil;
 pub mod reconstructor;
 pub mod screen;

@@ -6,8 +6,8 @@ use splash_firmware::centroid::Measurement;
 use splash_firmware::error::{ConfigError, Field, Limit};
 use splash_firmware::image::ImageError;
 use splash_firmware::link::{
-    Identity, LinkError, List, MESSAGE, Message, Reason, Receiver, Request, Response, VERSION,
-    WIRE, encode,
+    Identity, LinkError, List, MESSAGE, Message, Reason, Receiver, Request, Response, Stack,
+    VERSION, WIRE, encode,
 };
 use splash_firmware::pipeline::{GlobalTilt, Hold, Outcome, Report, RowError, Totals};
 use splash_firmware::segments::Position;
@@ -46,6 +46,7 @@ fn requests() -> Vec<Request> {
         Request::Measurements { first: u16::MAX, items: list(widest) },
         Request::MeasuredFrame { number: u32::MAX, count: u32::MAX },
         Request::GlobalTilt(GlobalTilt { tilt_ulp: [i32::MIN, i32::MAX], frame: u32::MAX }),
+        Request::Stack,
     ]
 }
 
@@ -91,6 +92,7 @@ fn responses() -> Vec<Response> {
             buffered: all,
         }),
         Response::Ready,
+        Response::Stack(Stack { used: all, reserved: all }),
         Response::Codes { first, items: list([u16::MAX; 3]) },
         Response::Codes { first: 0, items: List::new() },
         Response::Measurements { first, items: list(Measurement::default()) },

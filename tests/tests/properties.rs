@@ -7,7 +7,7 @@ use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;
 use splash_firmware::error::Field;
 use splash_firmware::geometry::Mask;
-use splash_firmware::pipeline::{GlobalTilt, Outcome, Pipeline};
+use splash_firmware::pipeline::{GlobalTilt, Outcome, Pipeline, Progress};
 use splash_firmware::pixels::Convention;
 use splash_firmware::slopes::MeanSlope;
 use splash_firmware::spec::{Estimator, SorSpec};
@@ -238,6 +238,41 @@ proptest! {
         failure_persistence: None,
         ..ProptestConfig::default()
     })]
+
+    /// Rows that come in blocks leave what they leave one by one, also where a block goes beyond the
+    /// detector's last row.
+    #[test]
+    fn blocks_of_rows_are_rows(
+        seed in any::<u64>(),
+        blocks in prop::collection::vec(1u16..40, 1..60),
+    ) {
+        let instrument = instrument(seed);
+        let config = instrument.config::<CELLS, PIXELS, PIXELS>();
+        let (width, height) = (config.width(), config.height());
+        let rng = &mut Rng::new(seed ^ 2);
+        let [mut one_by_one, mut at_once] = [(); 2].map(|()| Box::new(AnyPipeline::new()));
+        let mut blocks = blocks.into_iter().cycle();
+        for number in 0..3 {
+            one_by_one.begin(&config, number);
+            at_once.begin(&config, number);
+            let mut taken = 0;
+            while taken < height {
+                let rows = blocks.next().expect("a cycle");
+                let pixels = light(rng, usize::from(width) * usize::from(rows), instrument.detector.bits);
+                let pushed = at_once.push_rows(&config, &pixels, rows);
+                let mut last = Ok(Progress::More);
+                for row in pixels.chunks_exact(width.into()) {
+                    last = one_by_one.push_row(&config, row);
+                }
+                prop_assert_eq!(pushed, last);
+                taken += rows;
+            }
+            prop_assert_eq!(at_once.finish(&config), one_by_one.finish(&config));
+            prop_assert_eq!(at_once.measurements(), one_by_one.measurements());
+            prop_assert_eq!(at_once.codes(), one_by_one.codes());
+            prop_assert_eq!(at_once.totals(), one_by_one.totals());
+        }
+    }
 
     /// Whatever comes: no panic, codes within their limits, held frames hold, counts add up.
     #[test]

@@ -10,7 +10,7 @@
 //! makes it less by 2^15: weights 2x - (W - 1) add up to zero over a row, so that this cancels in the
 //! moment, and of the sum it is taken back.
 
-use super::{put_word, word, words};
+use super::{put_word, word};
 use crate::pixels::{Cut, Seen};
 
 /// Highest raw value of which no bit needs flipping.
@@ -89,18 +89,6 @@ mod instructions {
 
 use instructions::{larger, reached, smlad, uqsub16};
 
-/// A row and its floors in words; `None` where they are not words.
-#[inline(always)]
-pub(crate) fn packed<'a, const N: usize>(
-    raw: &'a [u16],
-    floor: &'a [u16],
-) -> Option<(&'a [u32; N], &'a [u32; N])> {
-    if N == 0 {
-        return None;
-    }
-    Some((words(raw)?, words(floor)?))
-}
-
 /// `x` in both lanes.
 #[inline(always)]
 fn both(x: u16) -> u32 {
@@ -160,6 +148,7 @@ pub(crate) fn note<const N: usize>(raw: &[u32; N], floor: &[u32; N], cut: Cut, s
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dsp::packed;
     use crate::dsp::tests::{compare, rows};
 
     fn agree<const N: usize>(top: u16) {

@@ -64,6 +64,8 @@ pub enum Request {
     },
     /// A global tilt. Answered by [`Response::Ready`].
     GlobalTilt(GlobalTilt),
+    /// Answered by [`Response::Stack`].
+    Stack,
 }
 
 /// What a board answers.
@@ -107,6 +109,17 @@ pub enum Response {
     Totals(Totals),
     /// What became of a frame: the last of its answers.
     Report(Report),
+    /// The stack since the start.
+    Stack(Stack),
+}
+
+/// How deep a board's stack went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Stack {
+    /// The most that was in use at once, bytes.
+    pub used: u32,
+    /// What the board keeps for it, bytes.
+    pub reserved: u32,
 }
 
 /// What a board is.

@@ -1,18 +1,54 @@
 //! The library in this process.
 
-use super::{Board, BoardError, Frame};
+use super::{Board, BoardError, Frame, Options};
 use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;
 use splash_firmware::error::ConfigError;
-use splash_firmware::pipeline::{Pipeline, Report, Totals};
+use splash_firmware::link::Stack;
+use splash_firmware::pipeline::{Pipeline, Probe, Report, Stage, Totals};
 use splash_firmware::segments::Position;
 use splash_firmware::slopes::Slope;
 use splash_firmware::spec::Spec;
+use std::time::Instant;
 
 /// A configuration and the state of its loop.
 struct InProcess<const M: usize, const P: usize, const B: usize> {
     config: Box<Config<M, P, B>>,
     pipeline: Box<Pipeline<M, B>>,
+    clock: Clock,
+}
+
+/// Rows that are handed over at once, as on the other boards.
+const BLOCK: usize = 16;
+
+/// Looks at the time where the other boards make a mark.
+struct Clock {
+    start: Instant,
+    marks: Vec<u64>,
+    /// Whether someone wants to know.
+    runs: bool,
+}
+
+impl Clock {
+    fn new(runs: bool) -> Self {
+        let mut clock = Self { start: Instant::now(), marks: Vec::new(), runs };
+        // The first look at the time takes longer than any other.
+        (0..100).for_each(|_| clock.mark());
+        clock.marks.drain(..clock.marks.len().saturating_sub(2));
+        clock
+    }
+
+    fn mark(&mut self) {
+        if self.runs {
+            self.marks.push(self.start.elapsed().as_nanos() as u64);
+        }
+    }
+}
+
+impl Probe for Clock {
+    fn after(&mut self, _: Stage) {
+        self.mark();
+    }
 }
 
 /// The library in this process, with the smallest capacities that hold the instrument. Results do
@@ -21,7 +57,15 @@ struct InProcess<const M: usize, const P: usize, const B: usize> {
 /// # Errors
 /// The [`ConfigError`] of the library.
 pub fn in_process(spec: &Spec<'_>) -> Result<Box<dyn Board + Send>, ConfigError> {
-    Ok(local(spec)?)
+    Ok(local(spec, Options::default())?)
+}
+
+/// [`in_process`], with marks if they are asked for.
+///
+/// # Errors
+/// The [`ConfigError`] of the library.
+pub fn open(spec: &Spec<'_>, options: Options) -> Result<Box<dyn Board + Send>, ConfigError> {
+    Ok(local(spec, options)?)
 }
 
 /// A board here, which can say what one elsewhere has to know.
@@ -30,13 +74,16 @@ pub(super) trait Local: Board {
     fn image(&self) -> Vec<u8>;
 }
 
-pub(super) fn local(spec: &Spec<'_>) -> Result<Box<dyn Local + Send>, ConfigError> {
+pub(super) fn local(
+    spec: &Spec<'_>,
+    options: Options,
+) -> Result<Box<dyn Local + Send>, ConfigError> {
     let across = spec.mask.across();
     let pixels = spec.mask.count() * usize::from(spec.windows.size).pow(2);
     match (across, pixels) {
-        (..=8, ..=16_384) => InProcess::<64, 16_384, 16_384>::boxed(spec),
-        (..=16, ..=65_536) => InProcess::<256, 65_536, 65_536>::boxed(spec),
-        _ => InProcess::<1600, 1_638_400, 1_638_400>::boxed(spec),
+        (..=8, ..=16_384) => InProcess::<64, 16_384, 16_384>::boxed(spec, options),
+        (..=16, ..=65_536) => InProcess::<256, 65_536, 65_536>::boxed(spec, options),
+        _ => InProcess::<1600, 1_638_400, 1_638_400>::boxed(spec, options),
     }
 }
 
@@ -45,13 +92,14 @@ pub(super) fn local(spec: &Spec<'_>) -> Result<Box<dyn Local + Send>, ConfigErro
 const BUILD_STACK: usize = 256 << 20;
 
 impl<const M: usize, const P: usize, const B: usize> InProcess<M, P, B> {
-    fn boxed(spec: &Spec<'_>) -> Result<Box<dyn Local + Send>, ConfigError> {
+    fn boxed(spec: &Spec<'_>, options: Options) -> Result<Box<dyn Local + Send>, ConfigError> {
         let build = || {
             let mut config = Box::new(Config::<M, P, B>::new());
             config.build(spec)?;
             let mut pipeline = Box::new(Pipeline::new());
             pipeline.reset(&config);
-            Ok(Box::new(Self { config, pipeline }) as Box<dyn Local + Send>)
+            let clock = Clock::new(options.marks);
+            Ok(Box::new(Self { config, pipeline, clock }) as Box<dyn Local + Send>)
         };
         std::thread::scope(|scope| {
             let builder = std::thread::Builder::new().stack_size(BUILD_STACK);
@@ -77,18 +125,30 @@ impl<const M: usize, const P: usize, const B: usize> Board for InProcess<M, P, B
 
     fn frame(&mut self, number: u32, frame: Frame<'_>) -> Result<Report, BoardError> {
         let refused = |source| BoardError::Refused { frame: number, source };
+        self.clock.mark();
         self.pipeline.begin(&self.config, number);
+        self.clock.mark();
         match frame {
             Frame::Pixels(pixels) => {
-                for row in pixels.chunks(usize::from(self.config.width()).max(1)) {
-                    self.pipeline.push_row(&self.config, row).map_err(refused)?;
+                let width = usize::from(self.config.width()).max(1);
+                // A row that is cut short comes alone.
+                let (whole, cut) = pixels.split_at(pixels.len() - pixels.len() % width);
+                for rows in whole.chunks(BLOCK * width).chain(cut.chunks(width)) {
+                    let count = rows.len().div_ceil(width) as u16;
+                    self.clock.mark();
+                    let pushed = self.pipeline.push_rows(&self.config, rows, count);
+                    self.clock.mark();
+                    pushed.map_err(refused)?;
                 }
             }
             Frame::Measurements(measurements) => {
                 self.pipeline.push_measurements(&self.config, measurements).map_err(refused)?;
             }
         }
-        Ok(self.pipeline.finish(&self.config))
+        self.clock.mark();
+        let report = self.pipeline.finish_probed(&self.config, &mut self.clock);
+        self.clock.mark();
+        Ok(report)
     }
 
     fn codes(&self) -> &[[u16; 3]] {
@@ -117,5 +177,13 @@ impl<const M: usize, const P: usize, const B: usize> Board for InProcess<M, P, B
 
     fn totals(&self) -> Totals {
         self.pipeline.totals()
+    }
+
+    fn marks(&mut self) -> Result<Vec<u64>, BoardError> {
+        Ok(std::mem::take(&mut self.clock.marks))
+    }
+
+    fn stack(&mut self) -> Result<Option<Stack>, BoardError> {
+        Ok(None)
     }
 }

@@ -5,14 +5,14 @@ use super::process::{Emulator, Failure, Pipe, Process, failed};
 use super::{Board, BoardError, Frame, Options};
 use splash_firmware::centroid::Measurement;
 use splash_firmware::link::{
-    self, Identity, LIST, List, Message, PIECE, Reason, Receiver, Request, Response,
+    self, Identity, LIST, List, Message, PIECE, Reason, Receiver, Request, Response, Stack,
 };
 use splash_firmware::pipeline::{Report, Totals};
 use splash_firmware::segments::Position;
 use splash_firmware::slopes::Slope;
 use splash_firmware::spec::Spec;
 use std::collections::VecDeque;
-use std::io::Read;
+use std::io::{Read, Seek, SeekFrom};
 use std::time::Instant;
 
 /// Version of the firmware library, which this and every board are made with.
@@ -59,7 +59,7 @@ impl Remote {
         spec: &Spec<'_>,
         options: Options,
     ) -> Result<Self, BoardError> {
-        let here = local(spec)?;
+        let here = local(spec, Options::default())?;
         let board = emulator.board;
         let process = Process::start(emulator, options.patience)
             .map_err(failed(board, "when it was started"))?;
@@ -94,28 +94,6 @@ impl Remote {
     /// What the board says it is.
     pub fn identity(&self) -> &Identity {
         &self.identity
-    }
-
-    /// The totals that the emulator counted at each mark since the last call: instructions or
-    /// cycles.
-    ///
-    /// # Errors
-    /// If no marks were asked for.
-    pub fn marks(&mut self) -> Result<Vec<u64>, BoardError> {
-        let read = || {
-            use std::io::{Seek, SeekFrom};
-            let mut file = std::fs::File::open(self.process.directory().join(MARKS))?;
-            file.seek(SeekFrom::Start(self.marks_read))?;
-            let mut bytes = Vec::new();
-            file.read_to_end(&mut bytes)?;
-            Ok(bytes)
-        };
-        let bytes = read().map_err(|error: std::io::Error| {
-            failed(self.board, "when its marks were read")(Failure::System(error))
-        })?;
-        let (marks, _) = bytes.as_chunks();
-        self.marks_read += 8 * marks.len() as u64;
-        Ok(marks.iter().map(|&mark| u64::from_le_bytes(mark)).collect())
     }
 
     fn identify(&mut self) -> Result<(), Failure> {
@@ -337,5 +315,31 @@ impl Board for Remote {
 
     fn totals(&self) -> Totals {
         self.state.totals
+    }
+
+    fn marks(&mut self) -> Result<Vec<u64>, BoardError> {
+        let read = || {
+            let mut file = std::fs::File::open(self.process.directory().join(MARKS))?;
+            file.seek(SeekFrom::Start(self.marks_read))?;
+            let mut bytes = Vec::new();
+            file.read_to_end(&mut bytes)?;
+            Ok(bytes)
+        };
+        let bytes = read().map_err(|error: std::io::Error| {
+            failed(self.board, "when its marks were read")(Failure::System(error))
+        })?;
+        let (marks, _) = bytes.as_chunks();
+        self.marks_read += 8 * marks.len() as u64;
+        Ok(marks.iter().map(|&mark| u64::from_le_bytes(mark)).collect())
+    }
+
+    fn stack(&mut self) -> Result<Option<Stack>, BoardError> {
+        let deadline = self.process.deadline();
+        let asked = self.request(Request::Stack, deadline).and_then(|()| self.answer(deadline));
+        let stack = asked.and_then(|answer| match answer {
+            Response::Stack(stack) => Ok(Some(stack)),
+            other => Err(unexpected(&other)),
+        });
+        stack.map_err(failed(self.board, "when it was asked for its stack"))
     }
 }

@@ -159,6 +159,11 @@ impl Axes {
 
     /// Draws the frame and its ticks.
     pub(super) fn frame(&mut self) {
+        self.frame_with(&linear_ticks(self.y[0], self.y[1], 9));
+    }
+
+    /// Draws the frame with these ticks along y.
+    pub(super) fn frame_with(&mut self, y_ticks: &[Tick]) {
         self.canvas.outline(self.area, INK);
         let [left, bottom] = self.place(self.x[0], self.y[0]);
         for tick in linear_ticks(self.x[0], self.x[1], 9) {
@@ -166,7 +171,7 @@ impl Axes {
             self.canvas.line([x, bottom], [x, bottom + 4.0], INK);
             self.canvas.text([x, bottom + 18.0], Anchor::Middle, &tick.label);
         }
-        for tick in linear_ticks(self.y[0], self.y[1], 9) {
+        for tick in y_ticks {
             let [_, y] = self.place(self.x[0], tick.value);
             self.canvas.line([left - 4.0, y], [left, y], INK);
             self.canvas.text([left - 7.0, y + 0.35 * FONT_SIZE], Anchor::End, &tick.label);

@@ -11,6 +11,7 @@
 //! | `deaf` | opens its pipes, and reads none |
 
 use splash_firmware::config::Config;
+use splash_firmware::link::Stack;
 use splash_firmware::pipeline::Pipeline;
 use splash_server::{Port, serve};
 use splash_tests::with_big_stack;
@@ -22,6 +23,8 @@ struct Pipes {
     answers: File,
     detector: BufReader<File>,
     row: Vec<u16>,
+    width: usize,
+    left: usize,
     manner: String,
     /// The message that the manner is about.
     at: usize,
@@ -51,18 +54,29 @@ impl Port for Pipes {
         }
     }
 
-    fn row(&mut self, width: usize) -> Result<&[u16], Error> {
+    fn expose(&mut self, pixels: usize, width: usize) -> Result<(), Error> {
+        (self.left, self.width) = (pixels, width);
+        Ok(())
+    }
+
+    fn rows(&mut self) -> Result<Option<&[u16]>, Error> {
+        let width = self.width.min(self.left);
+        self.left -= width;
         self.row.clear();
         for _ in 0..width {
             let mut pixel = [0; 2];
             self.detector.read_exact(&mut pixel)?;
             self.row.push(u16::from_le_bytes(pixel));
         }
-        Ok(&self.row)
+        Ok((width > 0).then_some(&self.row))
     }
 
     fn actuate(&mut self, _: &[[u16; 3]]) -> Result<(), Error> {
         Ok(())
+    }
+
+    fn stack(&self) -> Stack {
+        Stack { used: 1000, reserved: 4000 }
     }
 
     fn mark() {}
@@ -86,7 +100,8 @@ fn main() -> std::process::ExitCode {
     if manner == "deaf" {
         hang();
     }
-    let mut pipes = Pipes { requests, answers, detector, row: Vec::new(), manner, at, sent: 0 };
+    let (row, width, left, sent) = (Vec::new(), 0, 0, 0);
+    let mut pipes = Pipes { requests, answers, detector, row, width, left, manner, at, sent };
     let ended = with_big_stack(move || {
         let mut config = Box::new(Config::<256, 16_384, 2048>::new());
         let mut pipeline = Box::new(Pipeline::new());

@@ -5,7 +5,7 @@ use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;
 use splash_firmware::error::Field;
 use splash_firmware::link::{
-    LIST, Message, PIECE, Reason, Receiver, Request, Response, WIRE, encode,
+    LIST, Message, PIECE, Reason, Receiver, Request, Response, Stack, WIRE, encode,
 };
 use splash_firmware::pipeline::{GlobalTilt, Hold, Outcome, Pipeline, Report, RowError};
 use splash_server::{Port, serve};
@@ -26,6 +26,9 @@ struct Memory {
     received: usize,
     pixels: Vec<u16>,
     read: usize,
+    /// Pixels of a row, and where the frame ends.
+    width: usize,
+    end: usize,
     answers: Vec<u8>,
     actuated: Vec<Vec<[u16; 3]>>,
 }
@@ -48,15 +51,27 @@ impl Port for Memory {
         Ok(())
     }
 
-    fn row(&mut self, width: usize) -> Result<&[u16], End> {
+    fn expose(&mut self, pixels: usize, width: usize) -> Result<(), End> {
+        assert_eq!(self.read, self.end, "the frame before was read to its end");
+        self.end += pixels;
+        self.width = width;
+        Ok(())
+    }
+
+    fn rows(&mut self) -> Result<Option<&[u16]>, End> {
         let start = self.read;
-        self.read += width;
-        self.pixels.get(start..self.read).ok_or(End)
+        self.read = self.end.min(start + self.width);
+        let row = self.pixels.get(start..self.read).ok_or(End)?;
+        Ok((!row.is_empty()).then_some(row))
     }
 
     fn actuate(&mut self, codes: &[[u16; 3]]) -> Result<(), End> {
         self.actuated.push(codes.to_vec());
         Ok(())
+    }
+
+    fn stack(&self) -> Stack {
+        Stack { used: 1000, reserved: 4000 }
     }
 
     fn mark() {

@@ -27,9 +27,9 @@ impl Register {
     pub(crate) const DETECTOR_RING: Self = Self(0x28);
     /// Rows that are there.
     pub(crate) const DETECTOR_ROWS: Self = Self(0x2c);
-    /// A write gives the oldest row back.
+    /// A write gives that many of the oldest rows back.
     pub(crate) const DETECTOR_TAKEN: Self = Self(0x30);
-    /// A write empties the ring.
+    /// A write empties the ring, for a frame of that many pixels.
     pub(crate) const DETECTOR_CONTROL: Self = Self(0x34);
     /// A write hands on the next code.
     pub(crate) const DAC_CODE: Self = Self(0x40);

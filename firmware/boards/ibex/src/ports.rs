@@ -1,15 +1,19 @@
 //! Link, detector and DACs.
 #![allow(unsafe_code, reason = "the ring that the detector port writes")]
 
+use crate::STACK_BYTES;
 use crate::map::Register;
+use crate::start::stack_used;
 use core::cell::UnsafeCell;
 use core::sync::atomic::{Ordering, compiler_fence};
+use splash_firmware::link::Stack;
 use splash_server::Port;
 
-/// Words of the ring of rows: two rows of the widest detector, 16 and more of a usual one.
+/// Words of the ring of rows: two rows of the widest detector.
 const RING_WORDS: usize = 4096;
-/// Rows in the ring at most.
-const RING_ROWS: usize = 16;
+/// Rows taken at once at most. Half of the ring: the detector fills the other one meanwhile. A window
+/// of 16 rows is fetched once a frame; what is left to do when the last pixel is in grows with it.
+const BLOCK: usize = 16;
 /// Where data memory starts.
 const DMEM: usize = 0x1000_0000;
 
@@ -27,34 +31,25 @@ static RING: Ring = Ring(UnsafeCell::new([0; RING_WORDS]));
 
 /// The core's ways in and out. There is one of each: see [`Ports::new`].
 pub struct Ports {
-    /// Pixels in a row, 0 before the first.
+    /// Pixels in a row, and of the frame that are to come.
     width: usize,
-    /// Rows in the ring, and words from one to the next.
-    rows: usize,
-    stride: usize,
-    /// Place of the next row, and whether the one before it is still out.
+    left: usize,
+    /// Rows in half of the ring, and place of the next one.
+    block: usize,
     next: usize,
-    lent: bool,
+    /// Rows that are out.
+    lent: usize,
 }
 
 impl Ports {
     /// The ports. Rows are lent by the value that made them: make one only.
     pub const fn new() -> Self {
-        Self { width: 0, rows: 0, stride: 0, next: 0, lent: false }
+        Self { width: 0, left: 0, block: 0, next: 0, lent: 0 }
     }
 
-    /// Sets the detector port up for rows of this width, with an empty ring.
-    fn configure(&mut self, width: usize) {
-        self.width = width;
-        self.stride = width.div_ceil(2);
-        self.rows = (RING_WORDS / self.stride.max(1)).min(RING_ROWS);
-        self.next = 0;
-        self.lent = false;
-        let base = RING.0.get().addr() - DMEM;
-        Register::DETECTOR_BASE.write((base / 4) as u32);
-        Register::DETECTOR_WIDTH.write(width as u32);
-        Register::DETECTOR_RING.write(self.rows as u32);
-        Register::DETECTOR_CONTROL.write(1);
+    /// Words from one row of the ring to the next.
+    fn stride(&self) -> usize {
+        self.width.div_ceil(2)
     }
 }
 
@@ -90,28 +85,50 @@ impl Port for Ports {
         Ok(())
     }
 
-    fn row(&mut self, width: usize) -> Result<&[u16], Closed> {
-        if width != self.width {
-            self.configure(width);
+    fn expose(&mut self, pixels: usize, width: usize) -> Result<(), Closed> {
+        (self.width, self.left) = (width, pixels);
+        // Rows of an odd number of pixels do not lie side by side.
+        let most = if width.is_multiple_of(2) { BLOCK } else { 1 };
+        self.block = (RING_WORDS / 2 / self.stride().max(1)).clamp(1, most);
+        (self.next, self.lent) = (0, 0);
+        let base = RING.0.get().addr() - DMEM;
+        Register::DETECTOR_BASE.write((base / 4) as u32);
+        Register::DETECTOR_WIDTH.write(width as u32);
+        Register::DETECTOR_RING.write(2 * self.block as u32);
+        Register::DETECTOR_CONTROL.write(pixels as u32);
+        Ok(())
+    }
+
+    fn rows(&mut self) -> Result<Option<&[u16]>, Closed> {
+        if self.left == 0 {
+            return Ok(None);
         }
-        if self.lent {
-            Register::DETECTOR_TAKEN.write(1);
-        }
-        while Register::DETECTOR_ROWS.read() == 0 {}
-        // The row was written before the count that says so was read.
+        // A row that is cut short comes alone.
+        let rows = (self.left / self.width.max(1)).min(self.block);
+        let pixels = if rows > 0 { rows * self.width } else { self.left };
+        self.left -= pixels;
+        Register::DETECTOR_TAKEN.write(self.lent as u32);
+        self.lent = rows.max(1);
+        while Register::DETECTOR_ROWS.read() < self.lent as u32 {}
+        // The rows were written before the count that says so was read.
         compiler_fence(Ordering::Acquire);
-        let at = self.next * self.stride;
-        self.next = (self.next + 1) % self.rows.max(1);
-        self.lent = true;
-        // SAFETY: the row lies in the ring, at whole words; the port wrote all of it, and does not
-        // write it again before it is given back, for which this value must be borrowed anew.
-        Ok(unsafe { core::slice::from_raw_parts(RING.0.get().cast::<u32>().add(at).cast(), width) })
+        // All but the last begin a half of the ring: none reaches beyond its end.
+        let at = self.next * self.stride();
+        self.next = (self.next + self.lent) % (2 * self.block).max(1);
+        let ring = RING.0.get().cast::<u32>();
+        // SAFETY: the rows lie in the ring, at whole words; the port wrote all of them, and does not
+        // write them again before they are given back, for which this value must be borrowed anew.
+        Ok(Some(unsafe { core::slice::from_raw_parts(ring.add(at).cast(), pixels) }))
     }
 
     fn actuate(&mut self, codes: &[[u16; 3]]) -> Result<(), Closed> {
         codes.as_flattened().iter().for_each(|&code| Register::DAC_CODE.write(code.into()));
         Register::DAC_LOAD.write(1);
         Ok(())
+    }
+
+    fn stack(&self) -> Stack {
+        Stack { used: stack_used() as u32, reserved: STACK_BYTES as u32 }
     }
 
     #[inline(always)]

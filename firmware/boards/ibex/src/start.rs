@@ -33,7 +33,14 @@ global_asm!(
     "sw zero, 0(a0)",
     "addi a0, a0, 4",
     "j 3b",
-    "4: call main",
+    // The stack is painted, so that how deep it went can be seen.
+    "4: la a0, __bss_end",
+    "li a2, {paint}",
+    "5: bgeu a0, sp, 6f",
+    "sw a2, 0(a0)",
+    "addi a0, a0, 4",
+    "j 5b",
+    "6: call main",
     "_trap:",
     "la sp, __stack_top",
     "csrr a0, mcause",
@@ -41,7 +48,26 @@ global_asm!(
     "csrr a2, mtval",
     "call fault",
     ".option pop",
+    paint = const PAINT,
 );
+
+/// What the stack is painted with: as good as any that code does not leave there by itself.
+const PAINT: u32 = 0x5f5f_5f5f;
+
+/// Bytes of the stack that were ever in use.
+pub(crate) fn stack_used() -> usize {
+    unsafe extern "C" {
+        static __bss_end: u32;
+        static __stack_top: u32;
+    }
+    let (end, top) = (&raw const __bss_end, &raw const __stack_top);
+    let free = (0..).map(|k| end.wrapping_add(k)).take_while(|&word| {
+        // SAFETY: a word between .bss and the stack's top; nothing but the stack is there, and what
+        // it holds is looked at as a number only.
+        word < top && unsafe { word.read_volatile() } == PAINT
+    });
+    top.addr() - end.addr() - size_of::<u32>() * free.count()
+}
 
 /// Where every fault ends: there is nothing to go back to.
 // SAFETY: the name is that of the jump above and of nothing else.
@@ -68,6 +94,7 @@ impl<T> Once<T> {
     }
 
     /// The value, the first time.
+    #[allow(clippy::mut_from_ref, reason = "once")]
     pub fn take(&'static self) -> Option<&'static mut T> {
         if self.taken.replace(true) {
             return None;

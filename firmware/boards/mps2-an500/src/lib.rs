@@ -7,6 +7,7 @@
 
 mod mark;
 mod pipes;
+mod stack;
 mod stop;
 
 pub use mark::mark;

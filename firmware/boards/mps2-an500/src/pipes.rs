@@ -1,12 +1,16 @@
 //! The board's ways in and out: named pipes in the emulator's working directory, by semihosting.
 
-use crate::mark;
+use crate::stack::stack_used;
+use crate::{STACK_BYTES, mark};
 use semihosting::fs::File;
 use semihosting::io::{ErrorKind, Read, Result, Write};
+use splash_firmware::link::Stack;
 use splash_server::Port;
 
 /// Pixels of the longest row that a configuration may have.
 const ROW: usize = 4096;
+/// Rows taken at once, as far as they fit the place of the longest.
+const BLOCK: usize = 16;
 
 /// Bytes of the link that are read ahead: each read of the host stops the emulated processor.
 const AHEAD: usize = 1024;
@@ -20,7 +24,10 @@ pub struct Pipes {
     /// Bytes of `ahead` that were taken, and that are there.
     taken: usize,
     filled: usize,
-    row: [u16; ROW],
+    rows: [u16; ROW],
+    /// Pixels of a row, and of the frame that are to come.
+    width: usize,
+    left: usize,
 }
 
 impl Pipes {
@@ -36,7 +43,9 @@ impl Pipes {
             ahead: [0; AHEAD],
             taken: 0,
             filled: 0,
-            row: [0; ROW],
+            rows: [0; ROW],
+            width: 0,
+            left: 0,
         })
     }
 }
@@ -61,15 +70,28 @@ impl Port for Pipes {
         self.answers.write_all(bytes)
     }
 
-    fn row(&mut self, width: usize) -> Result<&[u16]> {
-        let row = self.row.get_mut(..width).ok_or(ErrorKind::InvalidInput)?;
-        self.detector.read_exact(bytemuck::cast_slice_mut(row))?;
-        Ok(row)
+    fn expose(&mut self, pixels: usize, width: usize) -> Result<()> {
+        (self.left, self.width) = (pixels, width);
+        Ok(())
+    }
+
+    fn rows(&mut self) -> Result<Option<&[u16]>> {
+        let width = self.width.max(1);
+        let rows = (self.left / width).min(ROW / width).min(BLOCK);
+        let pixels = if rows > 0 { rows * width } else { self.left };
+        self.left -= pixels;
+        let rows = self.rows.get_mut(..pixels).ok_or(ErrorKind::InvalidInput)?;
+        self.detector.read_exact(bytemuck::cast_slice_mut(rows))?;
+        Ok((pixels > 0).then_some(rows))
     }
 
     /// There are no DACs: the codes leave by the link.
     fn actuate(&mut self, _: &[[u16; 3]]) -> Result<()> {
         Ok(())
+    }
+
+    fn stack(&self) -> Stack {
+        Stack { used: stack_used() as u32, reserved: STACK_BYTES as u32 }
     }
 
     #[inline(always)]

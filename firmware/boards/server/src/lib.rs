@@ -12,6 +12,8 @@ mod server;
 
 pub use server::serve;
 
+use splash_firmware::link::Stack;
+
 /// What an emulated board gives to the server.
 pub trait Port {
     /// Why a transfer failed: the other end is gone.
@@ -29,12 +31,19 @@ pub trait Port {
     /// If the link has ended.
     fn send(&mut self, bytes: &[u8]) -> Result<(), Self::Error>;
 
-    /// The next detector row of `width` pixels, valid until the next call; blocks. A configuration
-    /// has at most 4096 pixels in a row.
+    /// Begins a frame of `pixels` pixels in rows of `width`, 1 to 4096. What is left of the frame
+    /// before is given up.
+    ///
+    /// # Errors
+    /// If there is no detector any more.
+    fn expose(&mut self, pixels: usize, width: usize) -> Result<(), Self::Error>;
+
+    /// The next rows of the frame, valid until the next call, or `None` behind the last; blocks. As
+    /// many whole rows as the board takes at once, or what is left of a last row that is cut short.
     ///
     /// # Errors
     /// If the detector ends before.
-    fn row(&mut self, width: usize) -> Result<&[u16], Self::Error>;
+    fn rows(&mut self) -> Result<Option<&[u16]>, Self::Error>;
 
     /// Hands the codes of a frame, in subaperture order, to the DACs.
     ///
@@ -42,7 +51,10 @@ pub trait Port {
     /// If nothing takes them any more.
     fn actuate(&mut self, codes: &[[u16; 3]]) -> Result<(), Self::Error>;
 
+    /// How deep the stack went since the start.
+    fn stack(&self) -> Stack;
+
     /// Marks this moment for the counter outside: instructions or cycles. Without a receiver, since
-    /// a row is borrowed from the port while the time of `push_row` is taken.
+    /// rows are borrowed from the port while the time of `push_rows` is taken.
     fn mark();
 }

@@ -12,7 +12,7 @@ use splash_firmware::pipeline::{Pipeline, Probe, RowError, Stage};
 ///
 /// `board` is the board's name, at most 16 bytes. `config` is loaded from the link; before, every
 /// frame is held. In a frame there are marks before and after `begin`, before and after each
-/// `push_row` (the wait for the row is outside), before `finish`, after each of its stages and
+/// `push_rows` (the wait for the rows is outside), before `finish`, after each of its stages and
 /// after its end; two in a row at the start tell what a mark itself costs.
 pub fn serve<T: Port, const M: usize, const P: usize, const B: usize>(
     port: &mut T,
@@ -127,6 +127,10 @@ impl<const M: usize, const P: usize, const B: usize> Server<'_, M, P, B> {
                 self.pipeline.set_global_tilt(tilt);
                 out.send(Response::Ready)?;
             }
+            Request::Stack => {
+                let stack = out.port.stack();
+                out.send(Response::Stack(stack))?;
+            }
         }
         Ok(None)
     }
@@ -156,14 +160,13 @@ impl<const M: usize, const P: usize, const B: usize> Server<'_, M, P, B> {
     ) -> Result<Result<(), RowError>, T::Error> {
         self.begin::<T>(number);
         let width = usize::from(self.config.width()).max(1);
+        port.expose(pixels, width)?;
         let mut read = Ok(());
-        let mut left = pixels;
-        while left > 0 {
-            let row = port.row(left.min(width))?;
-            left -= left.min(width);
+        while let Some(rows) = port.rows()? {
+            let count = rows.len().div_ceil(width) as u16;
             if read.is_ok() {
                 T::mark();
-                let pushed = self.pipeline.push_row(self.config, row);
+                let pushed = self.pipeline.push_rows(self.config, rows, count);
                 T::mark();
                 read = pushed.map(|_| ());
             }
