@@ -1,5 +1,6 @@
 // Block RAM with two ports, 32 bits each with byte enables. Both ports answer in one cycle and
-// neither ever waits for the other, so that what one does costs the other no time.
+// neither ever waits for the other, so that what one does costs the other no time. A write leaves
+// what the port read last; what a port reads while the other writes there is not defined.
 module ram_dual #(
   parameter int unsigned Words = 1024,
   // Initial content for an FPGA, one word of hexadecimal digits a line.
@@ -17,7 +18,7 @@ module ram_dual #(
   input  logic [31:0]              b_wdata_i,
   output logic [31:0]              b_rdata_o
 );
-  logic [31:0] mem[Words]  /* verilator public_flat_rw */;
+  (* no_rw_check *) logic [31:0] mem[Words]  /* verilator public_flat_rw */;
 
   if (InitFile != "") begin : gen_init
     initial $readmemh(InitFile, mem);
@@ -28,7 +29,7 @@ module ram_dual #(
       for (int unsigned k = 0; k < 4; k++) begin
         if (a_we_i[k]) mem[a_addr_i][8*k+:8] <= a_wdata_i[8*k+:8];
       end
-      a_rdata_o <= mem[a_addr_i];
+      if (a_we_i == '0) a_rdata_o <= mem[a_addr_i];
     end
   end
 
@@ -37,7 +38,7 @@ module ram_dual #(
       for (int unsigned k = 0; k < 4; k++) begin
         if (b_we_i[k]) mem[b_addr_i][8*k+:8] <= b_wdata_i[8*k+:8];
       end
-      b_rdata_o <= mem[b_addr_i];
+      if (b_we_i == '0) b_rdata_o <= mem[b_addr_i];
     end
   end
 endmodule
