@@ -71,6 +71,12 @@ impl Weighted {
     const NEW: Self = Self { moments: WeightedMoments::ZERO, centre: [0; 2] };
 }
 
+/// The smaller of two, without a branch.
+#[inline(always)]
+fn least(a: usize, b: usize) -> usize {
+    a.wrapping_sub(a.saturating_sub(b))
+}
+
 /// What all windows share.
 #[derive(Clone, Copy)]
 struct Shared {
@@ -198,8 +204,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         let (width, row) = (usize::from(config.width), self.row);
         let slots = config.slots.get(first..next).unwrap_or_default();
         let windows = self.windows.get_mut(first..next).unwrap_or_default();
-        let [done, new] = &mut self.measurements;
-        let measurements = if self.complete == 0 { new } else { done };
+        let Some(measurements) = self.measurements.get_mut(1 - self.complete) else { return };
         let shared = Shared { subtracts: true, short_sums: config.short_sums };
         let base = config.bank.cut(0);
         for ((slot, window), floors) in
@@ -220,17 +225,21 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             let cut = Cut { excess: window.excess, ..base };
             let sums = centroid::floored_moments::<N>(raw, width, floor, size, cut);
             window.moments.add_rows(size, y, count, sums);
-            // Row by row: each is in one block, and where it lies does not show in the time.
-            for watched in 0..WATCHED {
-                let k = usize::from(window.watched).wrapping_add(watched).wrapping_sub(y);
-                if k < count
-                    && let Some(raw) = raw.get(k.wrapping_mul(width)..)
-                    && let Some(floor) =
-                        floor.get(k.wrapping_mul(size)..).and_then(|f| f.get(..size))
-                {
-                    centroid::note_floored::<N>(raw, width, floor, size, cut, &mut window.seen);
-                }
-            }
+            // Those of the watched rows that are among these; none is a case like the others, whose
+            // time does not show.
+            let watched = usize::from(window.watched);
+            let [from, to] = [watched, watched.wrapping_add(WATCHED)]
+                .map(|row| least(row.saturating_sub(y), count));
+            let first = least(from, count.wrapping_sub(1));
+            let (Some(raw), Some(floor)) = (
+                raw.get(first.wrapping_mul(width)..),
+                floor.get(
+                    first * size..first.wrapping_add(to.wrapping_sub(from)).wrapping_mul(size),
+                ),
+            ) else {
+                continue;
+            };
+            centroid::note_floored::<N>(raw, width, floor, size, cut, &mut window.seen);
             if y.wrapping_add(count) == size {
                 let measurement = window.measurement(&window.moments, window.moments.sum, &shared);
                 if let Some(place) = measurements.get_mut(usize::from(slot.subaperture)) {
@@ -253,8 +262,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         let row = self.row;
         let slots = config.slots.get(first..next).unwrap_or_default();
         let windows = self.windows.get_mut(first..next).unwrap_or_default();
-        let [done, new] = &mut self.measurements;
-        let measurements = if self.complete == 0 { new } else { done };
+        let Some(measurements) = self.measurements.get_mut(1 - self.complete) else { return };
         let bank = &config.bank;
         let shared = Shared {
             subtracts: bank.convention == Convention::Subtract,

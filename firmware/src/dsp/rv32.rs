@@ -8,7 +8,6 @@
 //! d = (raw + 0x8000 - excess) - floor        0x8000 - 2 x 4095 <= d < 2^16
 //! s = d where its top bit is set, less that bit, else 0
 //! ```
-//!
 
 use super::{put_word, word, words};
 use crate::centroid::RowSums;
@@ -28,28 +27,20 @@ fn both(x: u16) -> u32 {
     u32::from(x).wrapping_mul(ONES)
 }
 
-/// Sum of the lanes.
-#[inline(always)]
-fn lanes(x: u32) -> u32 {
-    (x & 0xffff).wrapping_add(x >> 16)
+/// Words of the largest row.
+const WORDS: usize = 8;
+
+/// Sums of up to 16 rows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Sums {
+    /// Of each of a row's words, packed: 16 x 4095 < 2^16.
+    columns: [u32; WORDS],
+    /// Of all pixels.
+    sum: u32,
+    /// Of the sums up to each row.
+    running: u32,
 }
 
-/// Packed sums of up to [`GROUP`] rows, each of the words of a row whose number k has something in
-/// common.
-#[derive(Clone, Copy, Default)]
-struct Packed {
-    /// k odd.
-    ones: u32,
-    /// k / 2 odd; for 8 words only.
-    twos: u32,
-    /// Lower half.
-    lower: u32,
-    /// Upper half.
-    upper: u32,
-}
-
-/// Rows of which the packed sums of four words each fit their lanes: 4 x 4 x 4095 < 2^16.
-const GROUP: usize = 4;
 /// What a pixel less its floor and an excess is raised by to be no less than 0: with 12 bits each it
 /// stays below 2^14.
 const RAISE: u16 = 2 * TOP;
@@ -69,14 +60,30 @@ struct Watch {
     saturated: u32,
 }
 
+/// What is done to rows of `N` words. The floors of all of them follow each other; their pixels start
+/// at `raw`, each row `stride` words after the last.
 #[cfg(target_arch = "riscv32")]
 mod row {
-    use super::{ONES, Packed, SIGNS, Watch};
+    use super::{ONES, SIGNS, Sums, WORDS, Watch};
     use core::arch::asm;
 
-    /// Two words: `a` and `b` become their signals. Loads stand apart from what needs them.
+    /// Instructions on each row, which has `bytes`. The loop is entered at its end, so that its time
+    /// is proportional to the rows, if there are any or not, and starts at a word's address: a jump
+    /// into the middle of one takes a cycle more.
+    macro_rules! for_each_row {
+        ($bytes:literal, $($code:expr),*) => {
+            concat!(
+                "j 3f\n .p2align 2\n 2:\n", $($code, "\n",)*
+                "add {raw}, {raw}, {stride}\n addi {floor}, {floor}, ", $bytes, "\n",
+                "3: bne {floor}, {end}, 2b\n",
+            )
+        };
+    }
+
+    /// Two words of a row: `a` and `b` become their signals, which their columns' sums get. Loads
+    /// stand apart from what needs them.
     macro_rules! signals {
-        ($first:literal, $second:literal) => {
+        ($first:literal $left:literal $second:literal $right:literal) => {
             concat!(
                 "lw {a}, ",
                 $first,
@@ -93,83 +100,183 @@ mod row {
                 "and {c}, {a}, {signs}\n and {d}, {b}, {signs}\n",
                 "srli {e}, {c}, 15\n sub {c}, {c}, {e}\n and {a}, {a}, {c}\n",
                 "srli {e}, {d}, 15\n sub {d}, {d}, {e}\n and {b}, {b}, {d}\n",
+                "add {",
+                $left,
+                "}, {",
+                $left,
+                "}, {a}\n",
+                "add {",
+                $right,
+                "}, {",
+                $right,
+                "}, {b}\n",
             )
         };
     }
 
-    /// Runs instructions on a row.
-    macro_rules! add {
-        ($packed:ident, $row:ident, $floor:ident, $open:ident; $($code:expr),*) => {{
-            let Packed { mut ones, mut twos, mut lower, mut upper } = *$packed;
-            let (low, high): (u32, u32);
-            // SAFETY: the instructions write registers that are given here and no memory, and read
-            // as many words from two arrays as these have.
-            #[allow(unsafe_code)]
-            unsafe {
-                asm!($($code),*,
-                    raw = in(reg) $row.as_ptr(), floor = in(reg) $floor.as_ptr(),
-                    open = in(reg) $open, signs = in(reg) SIGNS,
-                    ones = inout(reg) ones, twos = inout(reg) twos,
-                    lower = inout(reg) lower, upper = inout(reg) upper,
-                    low = out(reg) low, high = out(reg) high,
-                    a = out(reg) _, b = out(reg) _, c = out(reg) _, d = out(reg) _, e = out(reg) _,
-                    options(pure, readonly, nostack));
-            }
-            *$packed = Packed { ones, twos, lower, upper };
-            low.wrapping_add(high)
-        }};
+    /// `row`, the packed sum of a row, to the sums. Each of its lanes is at most 8 x 4095 < 2^15: the
+    /// upper half of the product has the sum of both.
+    macro_rules! fold {
+        () => {
+            concat!(
+                "mul {row}, {row}, {ones}\n srli {row}, {row}, 16\n",
+                "add {sum}, {sum}, {row}\n add {running}, {running}, {sum}",
+            )
+        };
     }
 
-    /// Adds a row of 8 words, and returns the packed sum of its words.
+    /// The sums of the rows of `floor`, of which the last is in `raw`; `N` is 4 or 8.
     #[inline(always)]
-    pub(super) fn add_8(packed: &mut Packed, row: &[u32; 8], floor: &[u32; 8], open: u32) -> u32 {
-        add!(packed, row, floor, open;
-            signals!("0", "4"), "add {low}, {a}, {b}", "add {ones}, {ones}, {b}",
-            signals!("8", "12"), "add {ones}, {ones}, {b}", "add {a}, {a}, {b}",
-            "add {twos}, {twos}, {a}", "add {low}, {low}, {a}",
-            signals!("16", "20"), "add {high}, {a}, {b}", "add {ones}, {ones}, {b}",
-            signals!("24", "28"), "add {ones}, {ones}, {b}", "add {a}, {a}, {b}",
-            "add {twos}, {twos}, {a}", "add {high}, {high}, {a}",
-            "add {lower}, {lower}, {low}", "add {upper}, {upper}, {high}")
-    }
-
-    /// Adds a row of 4 words, and returns the packed sum of its words.
-    #[inline(always)]
-    pub(super) fn add_4(packed: &mut Packed, row: &[u32; 4], floor: &[u32; 4], open: u32) -> u32 {
-        add!(packed, row, floor, open;
-            signals!("0", "4"), "add {low}, {a}, {b}", "add {ones}, {ones}, {b}",
-            signals!("8", "12"), "add {high}, {a}, {b}", "add {ones}, {ones}, {b}",
-            "add {lower}, {lower}, {low}", "add {upper}, {upper}, {high}", "// {twos}")
-    }
-
-    /// Looks at a word.
-    #[inline(always)]
-    pub(super) fn note(watch: &mut Watch, raw: u32, floor: u32) {
-        let (mut room, mut saturated) = (watch.room, watch.saturated);
-        // SAFETY: the instructions write registers that are given here and touch no memory.
-        #[allow(unsafe_code)]
-        unsafe {
-            asm!(
-                "add {a}, {raw}, {raise}", "add {raw}, {raw}, {white}", "sub {a}, {a}, {floor}",
-                "add {b}, {a}, {room}", "add {a}, {a}, {lit}", "and {c}, {b}, {signs}",
-                "and {a}, {a}, {raw}", "srli {floor}, {c}, 15", "srli {a}, {a}, 15",
-                "sub {c}, {c}, {floor}", "and {a}, {a}, {ones}", "and {b}, {b}, {c}",
-                "add {saturated}, {saturated}, {a}", "sub {room}, {room}, {b}",
-                raw = inout(reg) raw => _, floor = inout(reg) floor => _,
-                raise = in(reg) watch.raise, white = in(reg) watch.white, lit = in(reg) watch.lit,
-                signs = in(reg) SIGNS, ones = in(reg) ONES,
-                room = inout(reg) room, saturated = inout(reg) saturated,
-                a = out(reg) _, b = out(reg) _, c = out(reg) _,
-                options(pure, nomem, nostack));
+    pub(super) fn sums<const N: usize>(
+        raw: &[u32],
+        stride: usize,
+        floor: &[[u32; N]],
+        open: u32,
+    ) -> Sums {
+        let floor = floor.as_flattened().as_ptr_range();
+        let [mut k0, mut k1, mut k2, mut k3, mut k4, mut k5, mut k6, mut k7] = [0u32; WORDS];
+        let (mut sum, mut running) = (0u32, 0u32);
+        macro_rules! run {
+            ($code:expr; $($column:ident),*) => {
+                // SAFETY: the instructions write registers that are given here and no memory, and
+                // read the rows only, which the caller says are in their slices.
+                #[allow(unsafe_code)]
+                unsafe {
+                    asm!($code,
+                        raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floor.start => _,
+                        end = in(reg) floor.end, stride = in(reg) stride.wrapping_mul(4),
+                        open = in(reg) open, signs = in(reg) SIGNS, ones = in(reg) ONES,
+                        $($column = inout(reg) $column,)*
+                        sum = inout(reg) sum, running = inout(reg) running,
+                        a = out(reg) _, b = out(reg) _, c = out(reg) _, d = out(reg) _,
+                        e = out(reg) _, row = out(reg) _,
+                        options(pure, readonly, nostack));
+                }
+            };
         }
-        (watch.room, watch.saturated) = (room, saturated);
+        if N == WORDS {
+            run!(for_each_row!("32",
+                signals!("0" "k0" "4" "k1"), "add {row}, {a}, {b}",
+                signals!("8" "k2" "12" "k3"), "add {a}, {a}, {b}\n add {row}, {row}, {a}",
+                signals!("16" "k4" "20" "k5"), "add {a}, {a}, {b}\n add {row}, {row}, {a}",
+                signals!("24" "k6" "28" "k7"), "add {a}, {a}, {b}\n add {row}, {row}, {a}",
+                fold!()); k0, k1, k2, k3, k4, k5, k6, k7);
+        } else {
+            run!(for_each_row!("16",
+                signals!("0" "k0" "4" "k1"), "add {row}, {a}, {b}",
+                signals!("8" "k2" "12" "k3"), "add {a}, {a}, {b}\n add {row}, {row}, {a}",
+                fold!()); k0, k1, k2, k3);
+        }
+        Sums { columns: [k0, k1, k2, k3, k4, k5, k6, k7], sum, running }
+    }
+
+    /// Looks at two words.
+    macro_rules! note {
+        ($first:literal $second:literal) => {
+            concat!(
+                "lw {a}, ",
+                $first,
+                "({raw})\n lw {c}, ",
+                $first,
+                "({floor})\n",
+                "lw {b}, ",
+                $second,
+                "({raw})\n lw {d}, ",
+                $second,
+                "({floor})\n",
+                note!("{a}", "{c}"),
+                note!("{b}", "{d}"),
+            )
+        };
+        ($word:literal, $floor:literal) => {
+            concat!(
+                "add {e}, ",
+                $word,
+                ", {raise}\n add ",
+                $word,
+                ", ",
+                $word,
+                ", {white}\n",
+                "sub {e}, {e}, ",
+                $floor,
+                "\n add ",
+                $floor,
+                ", {e}, {room}\n",
+                "add {e}, {e}, {lit}\n and {f}, ",
+                $floor,
+                ", {signs}\n",
+                "and ",
+                $word,
+                ", ",
+                $word,
+                ", {e}\n srli {e}, {f}, 15\n",
+                "srli ",
+                $word,
+                ", ",
+                $word,
+                ", 15\n sub {f}, {f}, {e}\n",
+                "and ",
+                $word,
+                ", ",
+                $word,
+                ", {ones}\n and ",
+                $floor,
+                ", ",
+                $floor,
+                ", {f}\n",
+                "add {saturated}, {saturated}, ",
+                $word,
+                "\n sub {room}, {room}, ",
+                $floor,
+                "\n",
+            )
+        };
+    }
+
+    /// Looks at the rows of `floor`, of which the last is in `raw`; `N` is 4 or 8.
+    #[inline(always)]
+    pub(super) fn note<const N: usize>(
+        watch: &mut Watch,
+        raw: &[u32],
+        stride: usize,
+        floor: &[[u32; N]],
+    ) {
+        let floor = floor.as_flattened().as_ptr_range();
+        macro_rules! run {
+            ($code:expr) => {
+                // SAFETY: as above.
+                #[allow(unsafe_code)]
+                unsafe {
+                    asm!($code,
+                        raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floor.start => _,
+                        end = in(reg) floor.end, stride = in(reg) stride.wrapping_mul(4),
+                        raise = in(reg) watch.raise, white = in(reg) watch.white,
+                        lit = in(reg) watch.lit, signs = in(reg) SIGNS, ones = in(reg) ONES,
+                        room = inout(reg) watch.room, saturated = inout(reg) watch.saturated,
+                        a = out(reg) _, b = out(reg) _, c = out(reg) _, d = out(reg) _,
+                        e = out(reg) _, f = out(reg) _,
+                        options(pure, readonly, nostack));
+                }
+            };
+        }
+        if N == WORDS {
+            run!(for_each_row!(
+                "32",
+                note!("0" "4"),
+                note!("8" "12"),
+                note!("16" "20"),
+                note!("24" "28")
+            ));
+        } else {
+            run!(for_each_row!("16", note!("0" "4"), note!("8" "12")));
+        }
     }
 }
 
 /// The same in portable arithmetic, so that the kernel can be tested on a PC.
 #[cfg(not(target_arch = "riscv32"))]
 mod row {
-    use super::{ONES, Packed, SIGNS, Watch};
+    use super::{ONES, SIGNS, Sums, Watch};
 
     /// The lanes whose top bit is set, without it; zero for the others.
     fn positive(d: u32) -> u32 {
@@ -177,32 +284,47 @@ mod row {
         d & signs.wrapping_sub(signs >> 15)
     }
 
-    fn add(packed: &mut Packed, row: &[u32], floor: &[u32], open: u32) -> u32 {
-        let mut total = 0u32;
-        for (k, (raw, floor)) in row.iter().zip(floor).enumerate() {
-            let signal = positive(raw.wrapping_add(open).wrapping_sub(*floor));
-            let half = if k < row.len() / 2 { &mut packed.lower } else { &mut packed.upper };
-            *half += signal;
-            packed.ones += signal * (k as u32 & 1);
-            packed.twos += signal * (k as u32 >> 1 & 1) * u32::from(row.len() == 8);
-            total += signal;
+    fn each<'a, const N: usize>(
+        raw: &'a [u32],
+        stride: usize,
+        floor: &'a [[u32; N]],
+    ) -> impl Iterator<Item = impl Iterator<Item = (u32, u32)>> {
+        let rows = floor.iter().enumerate();
+        rows.map(move |(k, floor)| {
+            raw[k * stride..][..N].iter().zip(floor).map(|(&raw, &floor)| (raw, floor))
+        })
+    }
+
+    pub(super) fn sums<const N: usize>(
+        raw: &[u32],
+        stride: usize,
+        floor: &[[u32; N]],
+        open: u32,
+    ) -> Sums {
+        let mut sums = Sums::default();
+        for row in each(raw, stride, floor) {
+            for ((raw, floor), column) in row.zip(&mut sums.columns) {
+                let signal = positive(raw.wrapping_add(open).wrapping_sub(floor));
+                *column += signal;
+                sums.sum += (signal & 0xffff) + (signal >> 16);
+            }
+            sums.running += sums.sum;
         }
-        total
+        sums
     }
 
-    pub(super) fn add_8(packed: &mut Packed, row: &[u32; 8], floor: &[u32; 8], open: u32) -> u32 {
-        add(packed, row, floor, open)
-    }
-
-    pub(super) fn add_4(packed: &mut Packed, row: &[u32; 4], floor: &[u32; 4], open: u32) -> u32 {
-        add(packed, row, floor, open)
-    }
-
-    pub(super) fn note(watch: &mut Watch, raw: u32, floor: u32) {
-        let raised = raw.wrapping_add(watch.raise).wrapping_sub(floor);
-        watch.room -= positive(raised.wrapping_add(watch.room));
-        let counts = raw.wrapping_add(watch.white) & raised.wrapping_add(watch.lit);
-        watch.saturated += (counts >> 15) & ONES;
+    pub(super) fn note<const N: usize>(
+        watch: &mut Watch,
+        raw: &[u32],
+        stride: usize,
+        floor: &[[u32; N]],
+    ) {
+        for (raw, floor) in each(raw, stride, floor).flatten() {
+            let raised = raw.wrapping_add(watch.raise).wrapping_sub(floor);
+            watch.room -= positive(raised.wrapping_add(watch.room));
+            let counts = raw.wrapping_add(watch.white) & raised.wrapping_add(watch.lit);
+            watch.saturated += (counts >> 15) & ONES;
+        }
     }
 }
 
@@ -218,7 +340,8 @@ pub(crate) struct Rows<'a, const N: usize> {
 
 impl<'a, const N: usize> Rows<'a, N> {
     /// The rows of `floor`; those of `raw` are `stride` pixels apart. `None` where they are not of
-    /// this module's kind: 4 or 8 words of 12 bits a row, each row at a word's address.
+    /// this module's kind: 4 or 8 words of 12 bits a row, each row at a word's address, and no more
+    /// of them than a square window has.
     #[inline(always)]
     pub(crate) fn new(raw: &'a [u16], stride: usize, floor: &'a [u16], cut: Cut) -> Option<Self> {
         if !(N == 4 || N == 8) || cut.top > TOP || !stride.is_multiple_of(2) {
@@ -227,55 +350,24 @@ impl<'a, const N: usize> Rows<'a, N> {
         let (raw, stride) = (words(raw)?, stride / 2);
         let (floor, _) = words(floor)?.as_chunks();
         let last = floor.len().saturating_sub(1).checked_mul(stride)?;
-        (raw.len() >= last.checked_add(N)?).then_some(Self { raw, stride, floor })
-    }
-
-    /// One row after the other, with its floors.
-    #[inline(always)]
-    fn iter(self) -> impl Iterator<Item = (&'a [u32; N], &'a [u32; N])> {
-        let first = self.raw.as_ptr();
-        self.floor.iter().enumerate().map(move |(k, floor)| {
-            // SAFETY: `new` has seen to it that the last of these rows ends inside `raw`, which is
-            // borrowed for 'a, and k is at most that of the last.
-            #[allow(unsafe_code)]
-            let row = unsafe { &*first.add(k.wrapping_mul(self.stride)).cast() };
-            (row, floor)
-        })
+        let fits = floor.len() <= 2 * N && raw.len() >= last.checked_add(N)?;
+        fits.then_some(Self { raw, stride, floor })
     }
 
     /// See [`crate::centroid::floored_moments`].
-    ///
-    /// The number of a row's word k is, in binary, k0 + 2 k1 + 4 k2, and so is its part in the moment:
-    /// the sum of the words with odd k, twice that of those with odd k / 2, four times that of the
-    /// upper half.
     #[inline(always)]
     pub(crate) fn sums(self, cut: Cut) -> RowSums {
         let open = SIGNS.wrapping_sub(both(cut.excess));
-        let (mut sum, mut running) = (0u32, 0u32);
-        // Over all rows: the sum of the second lanes, and of k times word k.
-        let (mut second, mut words) = (0u32, 0u32);
-        let mut rows = self.iter();
-        for group in self.floor.chunks(GROUP) {
-            let mut packed = Packed::default();
-            for (row, floor) in rows.by_ref().take(group.len()) {
-                let row = match (row.as_slice().try_into(), floor.as_slice().try_into()) {
-                    (Ok(row), Ok(floor)) => row::add_8(&mut packed, row, floor, open),
-                    _ => match (row.as_slice().try_into(), floor.as_slice().try_into()) {
-                        (Ok(row), Ok(floor)) => row::add_4(&mut packed, row, floor, open),
-                        _ => 0,
-                    },
-                };
-                // Both lanes of a row: at most 16 x 4095 < 2^16.
-                sum = sum.wrapping_add(row.wrapping_mul(ONES) >> 16);
-                running = running.wrapping_add(sum);
-            }
-            let Packed { ones, twos, lower, upper } = packed;
-            second = second.wrapping_add(lower >> 16).wrapping_add(upper >> 16);
-            words = words
-                .wrapping_add(lanes(ones))
-                .wrapping_add(lanes(twos).wrapping_mul(2))
-                .wrapping_add(lanes(upper).wrapping_mul(N as u32 / 2));
+        let Sums { columns, sum, running } = row::sums(self.raw, self.stride, self.floor, open);
+        // From the last word to the second, the sums of those met add up to k times word k.
+        let (mut met, mut words, mut second) = (0u32, 0u32, 0u32);
+        for column in columns.into_iter().take(N).skip(1).rev() {
+            let high = column >> 16;
+            met = met.wrapping_add(column & 0xffff).wrapping_add(high);
+            words = words.wrapping_add(met);
+            second = second.wrapping_add(high);
         }
+        let second = columns.first().map_or(0, |first| second.wrapping_add(first >> 16));
         // Half pixels: 4 word + 2 lane - (W - 1), W = 2 N.
         let x = words.wrapping_mul(4).wrapping_add(second.wrapping_mul(2));
         let x = x.wrapping_sub(sum.wrapping_mul(2 * N as u32 - 1)) as i32;
@@ -292,9 +384,7 @@ impl<'a, const N: usize> Rows<'a, N> {
             room: SIGNS.wrapping_sub(word(&seen.peak).wrapping_add(both(RAISE))),
             saturated: word(&seen.saturated),
         };
-        for (row, floor) in self.iter() {
-            row.iter().zip(floor).for_each(|(&raw, &floor)| row::note(&mut watch, raw, floor));
-        }
+        row::note(&mut watch, self.raw, self.stride, self.floor);
         put_word(&mut seen.peak, SIGNS.wrapping_sub(watch.room).wrapping_sub(both(RAISE)));
         put_word(&mut seen.saturated, watch.saturated);
     }
@@ -342,7 +432,7 @@ mod tests {
                 }
                 raw.clear();
                 floor.clear();
-                longest = longest % 17 + 1;
+                longest = longest % size + 1;
             } else {
                 // White, so that whatever looks between the rows is seen to.
                 raw.extend([u32::MAX; GAP / 2]);
