@@ -56,8 +56,7 @@ pub(crate) fn codes(
     responses: &[Response; ACTUATORS],
     heights_ulp: &[i32; ACTUATORS],
 ) -> [u16; ACTUATORS] {
-    let ([r0, r1, r2], [h0, h1, h2]) = (responses, heights_ulp);
-    [(r0, h0), (r1, h1), (r2, h2)].map(|(response, &height)| {
+    let code = |response: &Response, height: i32| {
         let rise = (i64::from(response.slope) * i64::from(height)) >> SLOPE_BITS;
         // Up to 2^31 - 2^15 within the limits, but for the last bits of the product.
         let v = positive(response.offset.wrapping_add(rise as i32)) as u32;
@@ -72,5 +71,7 @@ pub(crate) fn codes(
         };
         // Rounding up at the very top is the only way past the highest code, to the next.
         (code - (code >> (16 - spare_bits))) as u16
-    })
+    };
+    let ([r0, r1, r2], [h0, h1, h2]) = (responses, *heights_ulp);
+    [code(r0, h0), code(r1, h1), code(r2, h2)]
 }

@@ -16,10 +16,11 @@ pub const LENGTH_BITS: u32 = 9;
 /// Largest magnitude of a tip or tilt, ulp: 2^14 LSB centre to edge, half the stroke over a segment.
 pub const TILT_LIMIT: i32 = 1 << 23;
 
-/// Largest magnitude of a piston inside the solver, ulp: 65536 LSB, twice what a stroke can show.
+/// Largest magnitude of a piston inside the solver, ulp: 49152 LSB, three times what a stroke shows
+/// either side of its middle.
 ///
-/// With this bound and [`TILT_LIMIT`] the solver's residual stays below 2^29 (see `sor`).
-pub const PISTON_LIMIT: i32 = 1 << 25;
+/// With this bound and [`TILT_LIMIT`] the solver's residual stays below 2^28 (see `sor`).
+pub const PISTON_LIMIT: i32 = 3 << 23;
 
 /// `x / 2^n`, rounded; `1 <= n <= 62`. The caller keeps `|x| < 2^62`.
 #[inline(always)]
@@ -45,16 +46,22 @@ pub const fn positive(x: i32) -> i32 {
     x & !(x >> 31)
 }
 
+/// min(x, 0): an instruction less than [`positive`] where there is no "and not".
+#[inline(always)]
+pub const fn negative(x: i32) -> i32 {
+    x & (x >> 31)
+}
+
 /// The larger of two numbers less than 2^31 apart.
 #[inline(always)]
 pub const fn larger(a: i32, b: i32) -> i32 {
-    b.wrapping_add(positive(a.wrapping_sub(b)))
+    a.wrapping_sub(negative(a.wrapping_sub(b)))
 }
 
 /// The smaller of two numbers less than 2^31 apart.
 #[inline(always)]
 pub const fn smaller(a: i32, b: i32) -> i32 {
-    a.wrapping_sub(positive(a.wrapping_sub(b)))
+    b.wrapping_add(negative(a.wrapping_sub(b)))
 }
 
 /// `x` within `-limit ..= limit`, for `|x| + limit < 2^31`.
@@ -69,14 +76,13 @@ pub const fn mul_high(a: i32, b: i32) -> i32 {
     ((a as i64 * b as i64) >> 32) as i32
 }
 
-/// `k * r` with `k` in Q30 and `|r| < 2^29`, rounded: one signed multiply-high.
+/// `k * r` with `k` in Q30 and `|r| < 2^28`, rounded: one signed multiply-high.
 ///
-/// `r` is shifted to the top of its word first, so that the product's upper half is the answer:
-/// SMMULR on a Cortex-M7, MULH on RISC-V.
+/// `r` is shifted to the top of its word first, so that the product's upper half is twice the answer,
+/// rounded down: SMMUL on a Cortex-M7, MULH on RISC-V. Halving that rounds as if nothing had been lost.
 #[inline(always)]
 pub const fn mul_q30(k: i32, r: i32) -> i32 {
-    let wide = k as i64 * (r.wrapping_shl(2)) as i64;
-    (wide.wrapping_add(1 << 31) >> 32) as i32
+    mul_high(k, r.wrapping_shl(3)).wrapping_add(1) >> 1
 }
 
 /// `floor(2^48 / divisor)` for `1 <= divisor < 2^26`; a zero divisor counts as one.
@@ -268,7 +274,7 @@ mod tests {
         for _ in 0..100_000 {
             x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             let k = (x >> 1) as i32;
-            let r = (x.rotate_left(9) as i32) >> 2;
+            let r = (x.rotate_left(9) as i32) >> 3;
             let exact = f64::from(k) * f64::from(r) / f64::from(1 << 30);
             assert!((f64::from(mul_q30(k, r)) - exact).abs() <= 0.5 + 1e-6);
         }

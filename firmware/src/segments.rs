@@ -196,8 +196,7 @@ impl Segment {
             room = self.room(position.tilt_ulp, travel.ratio_bits);
         }
         let (low, high) = room.interval();
-        // Rounding can leave low one ulp above high when the interval is a point.
-        position.piston_ulp = larger(smaller(wanted, high), smaller(low, high));
+        position.piston_ulp = larger(smaller(wanted, high), low);
         let mut slewed = 0;
         if travel.slews {
             let heights = room.tilted.map(|q| position.piston_ulp.wrapping_add(q));
@@ -208,11 +207,12 @@ impl Segment {
             position = towards(previous, position, scale(travel.slew_ulp, longest));
             room = self.room(position.tilt_ulp, travel.ratio_bits);
         }
-        let limits = pairs(pairs(self.lowest, self.highest), room.tilted);
-        // Inside by construction but for the rounding of the last products.
-        let heights_ulp = limits.map(|((low, high), q)| {
-            smaller(larger(position.piston_ulp.wrapping_add(q), low), high)
-        });
+        let mut heights_ulp = room.tilted.map(|q| position.piston_ulp.wrapping_add(q));
+        if travel.tilts_shrink || travel.slews {
+            // Inside but for the rounding of the last products; where neither can happen, inside.
+            let limits = pairs(pairs(self.lowest, self.highest), heights_ulp);
+            heights_ulp = limits.map(|((low, high), h)| smaller(larger(h, low), high));
+        }
         Move { position, heights_ulp, limited: Limited { saturated, slewed } }
     }
 
