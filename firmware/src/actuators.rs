@@ -63,10 +63,10 @@ pub(crate) fn codes(
         let code = match law {
             Law::Linear => (v + (1 << (14 + spare_bits))) >> (15 + spare_bits),
             Law::Quadratic => {
-                let (root, up) = fixed::square_root(v << 1);
-                // Rounded once: the half below the root's last bit counts only where none is
-                // dropped.
-                (root + ((1 << spare_bits) >> 1) + up * u32::from(spare_bits == 0)) >> spare_bits
+                // n - 1/2 <= sqrt(v) / 2^s where v / 4^s >= n^2 - n + 1/4: three quarters more make
+                // the lower bits' part in that known before they are dropped.
+                let quarters = 3 * ((1 << (2 * spare_bits)) >> 2);
+                fixed::square_root(((v << 1) + quarters) >> (2 * spare_bits))
             }
         };
         // Rounding up at the very top is the only way past the highest code, to the next.

@@ -261,9 +261,7 @@ impl Gains {
     fn next(self, c: i32, x: i32) -> i32 {
         // Q13 2^16 c 2^5 / 2^32 = 4 c: the other product as well, of which 8 are in x.
         const UP: u32 = 32 - COEFFICIENT_SHIFT - GAIN_BITS + ROUND_BITS;
-        let product = |gain: i16, value: i32| {
-            mul_high(i32::from(gain) << COEFFICIENT_SHIFT, value)
-        };
+        let product = |gain: i16, value: i32| mul_high(i32::from(gain) << COEFFICIENT_SHIFT, value);
         let kept = product(self.keep, c << UP);
         let taken = product(self.take, x << (UP - GUARD_BITS));
         // One more than half: each product has been rounded down by half of one on average.

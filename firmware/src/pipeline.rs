@@ -27,7 +27,7 @@ use crate::fixed::{self, TILT_LIMIT};
 pub use crate::probe::{Probe, Stage};
 use crate::readout::Readout;
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
-use crate::segments::{ACTUATORS, Position};
+use crate::segments::{ACTUATORS, Move, Position, Segment};
 use crate::slopes::{self, Slope, SlopeCalibration, SlopeScale};
 use crate::sor::{Node, Sor, SorConfig};
 
@@ -363,7 +363,16 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         self.sor.remove_means(&config.sor, &config.nodes);
         probe.after(Stage::Sor);
 
-        self.advance(config, global_tilt, report);
+        if config.travel.is_free() {
+            let bits = config.travel.ratio_bits;
+            self.advance(config, global_tilt, report, |segment, _, _, target| {
+                segment.go(target, bits)
+            });
+        } else {
+            self.advance(config, global_tilt, report, |segment, position, heights, target| {
+                segment.advance(position, heights, target, &config.travel)
+            });
+        }
         let [global_tip, global_tilt] = global_tilt;
         let applied = self.positions.iter().take(self.subapertures).map(|position| {
             let [tip, tilt] = position.tilt_ulp;
@@ -377,7 +386,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         probe.after(Stage::Actuators);
     }
 
-    /// Commands and pistons to positions and heights.
+    /// Commands and pistons to positions and heights by `go`, from where a segment is.
     ///
     /// Not inlined: it needs all registers.
     #[inline(never)]
@@ -386,6 +395,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         config: &Config<M, P, B>,
         global_tilt: [i32; 2],
         report: &mut Report,
+        go: impl Fn(&Segment, Position, [i32; ACTUATORS], Position) -> Move,
     ) {
         let (mut saturated, mut slewed) = (0u32, 0u32);
         let state = self.positions.iter_mut().zip(&mut self.heights_ulp).zip(&mut self.commands);
@@ -394,7 +404,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         {
             *command = self.control.commands().get(node.place).copied().unwrap_or_default();
             let target = target(*command, self.sor.piston(*node), *node, global_tilt);
-            let step = segment.advance(*position, *heights_ulp, target, &config.travel);
+            let step = go(segment, *position, *heights_ulp, target);
             *position = step.position;
             *heights_ulp = step.heights_ulp;
             saturated = saturated.wrapping_add(step.limited.saturated);

@@ -429,7 +429,8 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                     window.moments.add_row(size, y, sums);
                     if y + 1 == size {
                         let moments = &window.moments;
-                        let measured = window.measurement(moments, moments.sum, tracking.0, &shared);
+                        let measured =
+                            window.measurement(moments, moments.sum, tracking.0, &shared);
                         finish(slot, tracking, measured);
                     }
                 }
