@@ -30,7 +30,6 @@ use crate::fixed::{self, TILT_LIMIT, mul_high};
 use crate::geometry::Grid;
 use crate::redblack::{COLOURS, Place, RedBlack};
 use crate::slopes::{MeanSlope, Slope};
-use crate::sor::Coupling;
 use serde::{Deserialize, Serialize};
 
 /// Fraction bits of the control coefficients.
@@ -131,21 +130,19 @@ impl<const M: usize> Control<M> {
         &mut self,
         config: &ControlConfig,
         grid: &Grid,
-        couplings: &RedBlack<Coupling, M>,
         gains: &RedBlack<Gains, M>,
     ) {
         let inverse = removal(config.mean, self.valid);
-        let [mean_x, mean_y] = self.sums.map(|sum| mean(sum, inverse) << GUARD_BITS);
+        let [mean_x, mean_y] = self.sums.map(|sum| mean(sum, inverse));
         let mut sums = [0i64; 2];
         for colour in COLOURS {
             let around = self.open_loop.sides(grid, colour).iter();
             let open_loop = self.open_loop.nodes(grid, colour).iter().zip(around);
-            let nodes = couplings.nodes(grid, colour).iter().zip(gains.nodes(grid, colour));
             let commands = self.command.nodes_mut(grid, colour).iter_mut();
-            for ((command, (coupling, gains)), (&[x, y], around)) in
-                commands.zip(nodes).zip(open_loop)
+            for ((command, gains), (&[x, y], around)) in
+                commands.zip(gains.nodes(grid, colour)).zip(open_loop)
             {
-                if !coupling.present() {
+                if !gains.present() {
                     continue;
                 }
                 let [[xw, yw], [xe, ye], [xn, yn], [xs, ys]] = around;
@@ -153,11 +150,10 @@ impl<const M: usize> Control<M> {
                 let valid = x & MEASURED;
                 let count = around_x & COUNT;
                 let weight = INVERSE.get(count as usize).map_or(0, |inverse| inverse & (valid - 1));
-                let fill = |around: i32| mul_high(around, weight) << GUARD_BITS;
                 // All ones where x is known.
                 let known = 0i32.wrapping_sub(valid) | (0i32.wrapping_sub(weight) >> 31);
-                let x = x.wrapping_sub(valid).wrapping_add(fill(around_x.wrapping_sub(count)));
-                let y = y.wrapping_add(fill(around_y));
+                let x = (x >> GUARD_BITS).wrapping_add(mul_high(around_x & !COUNT, weight));
+                let y = (y >> GUARD_BITS).wrapping_add(mul_high(around_y, weight));
                 let step = |c: i32, x: i32, mean: i32| {
                     let next = gains.next(c, x.wrapping_sub(mean));
                     c.wrapping_add(next.wrapping_sub(c) & known)
@@ -173,8 +169,8 @@ impl<const M: usize> Control<M> {
         let [mean_c, mean_d] = sums.map(|sum| mean(sum, inverse));
         for colour in COLOURS {
             let commands = self.command.nodes_mut(grid, colour).iter_mut();
-            for (command, coupling) in commands.zip(couplings.nodes(grid, colour)) {
-                if coupling.present() {
+            for (command, gains) in commands.zip(gains.nodes(grid, colour)) {
+                if gains.present() {
                     let [c, d] = *command;
                     let less = |c: i32, mean: i32| fixed::clamp(c.wrapping_sub(mean), TILT_LIMIT);
                     *command = [less(c, mean_c), less(d, mean_d)];
@@ -256,17 +252,23 @@ impl<const M: usize> Taking<'_, M> {
 }
 
 impl Gains {
-    /// keep c + take x, rounded, from 8 x; |8 x| < 2^29.
+    /// Whether there is a subaperture: with g > 0 and f > 0 none takes nothing.
+    #[inline(always)]
+    const fn present(self) -> bool {
+        self.take != 0
+    }
+
+    /// keep c + take x, rounded; both are below 2^26.
     #[inline(always)]
     fn next(self, c: i32, x: i32) -> i32 {
-        // Q13 2^16 c 2^5 / 2^32 = 4 c: the other product as well, of which 8 are in x.
+        // Q13 2^16 x 2^5 / 2^32 = 4 x.
         const UP: u32 = 32 - COEFFICIENT_SHIFT - GAIN_BITS + ROUND_BITS;
-        let product = |gain: i16, value: i32| mul_high(i32::from(gain) << COEFFICIENT_SHIFT, value);
-        let kept = product(self.keep, c << UP);
-        let taken = product(self.take, x << (UP - GUARD_BITS));
+        let product =
+            |gain: i16, value: i32| mul_high(i32::from(gain) << COEFFICIENT_SHIFT, value << UP);
         // One more than half: each product has been rounded down by half of one on average.
         const HALF: i32 = (1 << ROUND_BITS >> 1) + 1;
-        kept.wrapping_add(taken).wrapping_add(HALF) >> ROUND_BITS
+        let sum = product(self.keep, c).wrapping_add(product(self.take, x));
+        sum.wrapping_add(HALF) >> ROUND_BITS
     }
 }
 

@@ -163,7 +163,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         self.frame = frame;
         self.extra_rows = 0;
         self.phase = Phase::Reading;
-        self.readout.begin(config.subapertures());
+        self.readout.begin();
         self.control.begin();
         self.saturated_pixels = 0;
     }
@@ -352,15 +352,15 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         probe: &mut impl Probe,
     ) {
         let global_tilt = self.current_tilt(config.tilt_max_age, report);
-        let SorConfig { grid, couplings, warm_sweeps, cold_sweeps, .. } = &config.sor;
-        self.control.update(&config.control, grid, couplings, &config.gains);
+        let SorConfig { grid, warm_sweeps, cold_sweeps, .. } = &config.sor;
+        self.control.update(&config.control, grid, &config.gains);
         probe.after(Stage::Control);
 
         self.sor.load(&config.sor, self.control.commands());
         self.sor.relax(&config.sor, if self.warm { *warm_sweeps } else { *cold_sweeps });
         self.warm = true;
         report.residual_squared = self.sor.residual_squared(&config.sor);
-        self.sor.remove_means(&config.sor, &config.nodes);
+        self.sor.find_means(&config.sor, &config.nodes);
         probe.after(Stage::Sor);
 
         if config.travel.is_free() {
@@ -403,7 +403,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
             config.nodes.iter().zip(&config.segments).zip(state)
         {
             *command = self.control.commands().get(node.place).copied().unwrap_or_default();
-            let target = target(*command, self.sor.piston(*node), *node, global_tilt);
+            let target = target(*command, self.sor.centred_piston(*node), *node, global_tilt);
             let step = go(segment, *position, *heights_ulp, target);
             *position = step.position;
             *heights_ulp = step.heights_ulp;

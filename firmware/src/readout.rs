@@ -162,15 +162,14 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     }
 
     /// Starts a frame; what was measured of an unfinished one is dropped.
-    pub(crate) fn begin(&mut self, windows: usize) {
+    pub(crate) fn begin(&mut self) {
         self.row = 0;
         self.active = [0; 2];
-        self.windows.iter_mut().take(windows).for_each(|window| *window = Window::NEW);
     }
 
     /// Forgets thresholds and centres as well.
     pub(crate) fn reset(&mut self, window: usize) {
-        self.begin(0);
+        self.begin();
         let watched = centroid::first_watched(window, 0);
         self.windows.fill(Window::NEW);
         self.tracking.as_flattened_mut().fill(Tracking { watched, ..Tracking::NEW });
@@ -345,6 +344,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             ) else {
                 continue;
             };
+            if y == 0 {
+                *window = Window::NEW;
+            }
             let cut = Cut { excess: tracking.excess, ..base };
             let sums = centroid::floored_moments::<N>(raw, width, floor, size, cut);
             window.moments.add_rows(size, y, count, sums);
@@ -407,6 +409,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             let y = usize::from(row.wrapping_sub(slot.y0));
             let x0 = usize::from(slot.x0);
             let place = (first + k) * area + y * size;
+            if y == 0 {
+                *window = Window::NEW;
+            }
             Some((slot, window, tracking, y, place, pixels.get(x0..x0 + size)?))
         });
         let mut finish = |slot: &Slot, tracking: (&Tracking, &mut Tracking), measurement| {

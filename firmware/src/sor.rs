@@ -218,20 +218,28 @@ impl<const M: usize> Sor<M> {
     }
 
     /// Takes the mean piston off each connected component.
+    pub fn remove_means(&mut self, config: &SorConfig<M>, nodes: &[Node]) {
+        self.find_means(config, nodes);
+        for node in nodes {
+            self.centred_piston(*node);
+        }
+    }
+
+    /// The mean piston of each connected component.
     ///
     /// The mean is the sum (below 1600 x 2^25 < 2^36) times the floor of 2^24 / size, i64. The
     /// reciprocal is low by less than size / 2^24 of itself, which of a mean that was zero a
     /// frame ago leaves nothing.
-    pub fn remove_means(&mut self, config: &SorConfig<M>, nodes: &[Node]) {
+    pub(crate) fn find_means(&mut self, config: &SorConfig<M>, nodes: &[Node]) {
         let components = config.sizes.len();
         self.means.iter_mut().take(components).for_each(|sum| *sum = 0);
-        if let Some(only) = self.means.first_mut()
+        if let Some(sum) = self.means.first_mut()
             && components == 1
         {
             for colour in COLOURS {
                 // Where there is no node the piston is zero.
                 for &p in self.piston.nodes(&config.grid, colour) {
-                    *only = only.wrapping_add(i64::from(p));
+                    *sum = sum.wrapping_add(i64::from(p));
                 }
             }
         } else {
@@ -246,13 +254,16 @@ impl<const M: usize> Sor<M> {
             let inverse = (1 << 24) / u32::from(size.max(1));
             *sum = fixed::round_shift(sum.wrapping_mul(i64::from(inverse)), 24);
         }
-        for node in nodes {
-            let mean = self.means.get(usize::from(node.component)).copied().unwrap_or(0) as i32;
-            if let Some(p) = self.piston.get_mut(node.place) {
-                // |p| and |mean| are within 2^25; a pathological component may need the limit.
-                *p = fixed::clamp(p.wrapping_sub(mean), PISTON_LIMIT);
-            }
-        }
+    }
+
+    /// Takes the mean off one piston, ulp, and tells it.
+    #[inline(always)]
+    pub(crate) fn centred_piston(&mut self, node: Node) -> i32 {
+        let mean = self.means.get(usize::from(node.component)).copied().unwrap_or(0) as i32;
+        let Some(p) = self.piston.get_mut(node.place) else { return 0 };
+        // |p| and |mean| are within 2^25; a pathological component may need the limit.
+        *p = fixed::clamp(p.wrapping_sub(mean), PISTON_LIMIT);
+        *p
     }
 
     /// The piston of a subaperture, ulp.
