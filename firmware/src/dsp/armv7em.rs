@@ -3,12 +3,12 @@
 //! | instruction | here |
 //! |---|---|
 //! | UQSUB16 | saturating difference: pixel less floor less excess |
-//! | SMLAD, SMLADX | sum of a pair times a pair of weights, added up |
+//! | SMLAD | sum of a pair times a pair of weights, added up |
 //! | USUB16, SEL | the larger of two, the saturated ones |
 //!
 //! SMLAD is signed. Up to 15 bits a signal is what it is; of 16 bits its top bit is flipped, which
-//! makes it less by 2^15: weights 2x - (W - 1) add up to zero over a row, so that this cancels in the
-//! moment, and of the sum it is taken back.
+//! makes it less by 2^15: the distances of pixels from the window's centre add up to zero over a row,
+//! so that this cancels in the moment, and of the sum it is taken back.
 
 use super::{Rows, put_word, word};
 use crate::centroid::RowSums;
@@ -49,8 +49,6 @@ mod instructions {
         uqsub16(x, y) = "uqsub16 {out}, {x}, {y}" => lateout;
         /// `sum` plus both products of the lanes, signed.
         smlad(x, y, sum) = "smlad {out}, {x}, {y}, {sum}" => lateout;
-        /// `sum` plus both products of each lane with the other one, signed.
-        smladx(x, y, sum) = "smladx {out}, {x}, {y}, {sum}" => lateout;
         /// The larger of each lane, unsigned.
         larger(x, y) = "usub16 {out}, {x}, {y}", "sel {out}, {x}, {y}" => out;
         /// One in each lane where x >= y, unsigned.
@@ -80,10 +78,6 @@ mod instructions {
         (sum as i32).wrapping_add(a * c).wrapping_add(b * d) as u32
     }
 
-    pub(super) fn smladx(x: u32, y: u32, sum: u32) -> u32 {
-        smlad(x, y.rotate_left(16), sum)
-    }
-
     pub(super) fn larger(x: u32, y: u32) -> u32 {
         lanes(x, y, u16::max)
     }
@@ -94,7 +88,7 @@ mod instructions {
     }
 }
 
-use instructions::{larger, reached, smlad, smladx, uqsub16};
+use instructions::{larger, reached, smlad, uqsub16};
 
 /// `x` in both lanes.
 #[inline(always)]
@@ -106,9 +100,9 @@ fn both(x: u16) -> u32 {
 #[inline(always)]
 pub(crate) fn sums<const N: usize>(rows: Rows<'_, N>, cut: Cut) -> RowSums {
     if cut.top <= SIGNED_TOP {
-        signed_sums(rows, cut, 0)
+        signed_sums::<N, false>(rows, cut)
     } else {
-        let RowSums { sum, x, running } = signed_sums(rows, cut, both(1 << 15));
+        let RowSums { sum, x, running } = signed_sums::<N, true>(rows, cut);
         // What the flipped bits took from each row, and from each row's running sum.
         let (row, count) = ((2 * N as u32) << 15, rows.count() as u32);
         let running = running.wrapping_add((row >> 1).wrapping_mul(count.wrapping_mul(count + 1)));
@@ -116,165 +110,128 @@ pub(crate) fn sums<const N: usize>(rows: Rows<'_, N>, cut: Cut) -> RowSums {
     }
 }
 
-/// Running sums of rows. Weights are 2x - (W - 1); those of a word and of its mirror image are each
-/// other's negatives with the lanes exchanged, so that one serves both and the moment is
-/// `left - right`.
-#[derive(Clone, Copy, Default)]
-struct Sums {
-    sum: u32,
-    left: u32,
-    right: u32,
-}
-
-/// Sums of the signals with the bits of `flip` inverted, as signed numbers.
-#[inline(always)]
-fn signed_sums<const N: usize>(rows: Rows<'_, N>, cut: Cut, flip: u32) -> RowSums {
-    let excess = both(cut.excess);
-    let last = 2 * N as i16 - 1;
-    let outermost = word(&[-last as u16, (2 - last) as u16]);
-    let (mut sums, mut running) = (Sums::default(), 0u32);
-    rows.each(|raw, floor| {
-        row::add(&mut sums, raw, floor, [excess, flip, outermost]);
-        running = running.wrapping_add(sums.sum);
-    });
-    RowSums { sum: sums.sum, x: sums.left.wrapping_sub(sums.right) as i32, running }
-}
-
 /// Half pixels from one word to the next, in both lanes.
 const WORD: u32 = 4 * ONES;
 
+/// Sums of the signals, of which the top bits are inverted if `FLIP`, as signed numbers.
+///
+/// Pixel x is weighted with 2x, which no step from word to word carries over between lanes; the window's
+/// centre is taken off the sum.
+#[inline(always)]
+fn signed_sums<const N: usize, const FLIP: bool>(rows: Rows<'_, N>, cut: Cut) -> RowSums {
+    let RowSums { sum, x, running } = row::sums::<N, FLIP>(rows, both(cut.excess));
+    let centre = (sum as i32).wrapping_mul(2 * N as i32 - 1);
+    RowSums { sum, x: x.wrapping_sub(centre), running }
+}
+
+/// Weights of the first word.
+const FIRST: u32 = 2 << 16;
+
 /// One word after the other.
 #[inline(always)]
-fn add_words<const N: usize>(
-    sums: &mut Sums,
-    raw: &[u32; N],
-    floor: &[u32; N],
-    [excess, flip, outermost]: [u32; 3],
-) {
-    let signal = |raw: u32, floor: u32| uqsub16(uqsub16(raw, floor), excess) ^ flip;
-    let (first, last) = raw.split_at(N / 2);
-    let (first_floor, last_floor) = floor.split_at(N / 2);
-    let mut weight = outermost;
-    for (&raw, &floor) in first.iter().zip(first_floor) {
-        let signal = signal(raw, floor);
-        sums.sum = smlad(signal, ONES, sums.sum);
-        sums.left = smlad(signal, weight, sums.left);
-        weight = weight.wrapping_add(WORD);
-    }
-    for (&raw, &floor) in last.iter().zip(last_floor) {
-        weight = weight.wrapping_sub(WORD);
-        let signal = signal(raw, floor);
-        sums.sum = smlad(signal, ONES, sums.sum);
-        sums.right = smladx(signal, weight, sums.right);
-    }
+fn word_sums<const N: usize, const FLIP: bool>(rows: Rows<'_, N>, excess: u32) -> RowSums {
+    let flip = if FLIP { both(1 << 15) } else { 0 };
+    let (mut sum, mut x, mut running) = (0, 0, 0u32);
+    rows.each(|raw, floor| {
+        let mut weight = FIRST;
+        for (&raw, &floor) in raw.iter().zip(floor) {
+            let signal = uqsub16(uqsub16(raw, floor), excess) ^ flip;
+            sum = smlad(signal, ONES, sum);
+            x = smlad(signal, weight, x);
+            weight = weight.wrapping_add(WORD);
+        }
+        running = running.wrapping_add(sum);
+    });
+    RowSums { sum, x: x as i32, running }
 }
 
 #[cfg(not(armv7em))]
 mod row {
-    pub(super) use super::add_words as add;
+    pub(super) use super::word_sums as sums;
 }
 
-/// The rows of the common windows in instructions of their own: words are loaded by two, and twelve
-/// registers are all that there are.
+/// The rows of the common windows in instructions of their own: words are loaded by two, weights are
+/// counted up in a register, and twelve registers are all that there are.
 #[cfg(armv7em)]
 mod row {
-    use super::{ONES, Sums, add_words};
+    use super::{FIRST, ONES, RowSums, Rows, word_sums};
     use core::arch::asm;
 
-    /// Two words: `a` and `b` become their signals.
-    macro_rules! signals {
-        ($offset:literal, $flip:literal) => {
+    /// Two words.
+    macro_rules! words {
+        (true) => {
+            words!("eor {a}, {a}, #0x80008000\n eor {b}, {b}, #0x80008000\n")
+        };
+        ($flip:literal) => {
             concat!(
-                "ldrd {a}, {b}, [{raw}, #",
-                $offset,
-                "]\n",
-                "ldrd {c}, {d}, [{floor}, #",
-                $offset,
-                "]\n",
+                "ldrd {a}, {b}, [{raw}], #8\n ldrd {c}, {d}, [{floor}], #8\n",
                 "uqsub16 {a}, {a}, {c}\n uqsub16 {b}, {b}, {d}\n",
                 "uqsub16 {a}, {a}, {excess}\n uqsub16 {b}, {b}, {excess}\n",
                 $flip,
-            )
-        };
-    }
-
-    /// Two words of the left half and their mirror images, between which the weight goes inwards and
-    /// back again.
-    macro_rules! ends {
-        ($left:literal, $right:literal, $flip:literal) => {
-            concat!(
-                signals!($left, $flip),
-                "smlad {sum}, {a}, {ones}, {sum}\n smlad {left}, {a}, {weight}, {left}\n",
+                "smlad {sum}, {a}, {ones}, {sum}\n smlad {x}, {a}, {weight}, {x}\n",
                 "add {weight}, {weight}, #0x00040004\n",
-                "smlad {sum}, {b}, {ones}, {sum}\n smlad {left}, {b}, {weight}, {left}\n",
-                signals!($right, $flip),
-                "smlad {sum}, {a}, {ones}, {sum}\n smladx {right}, {a}, {weight}, {right}\n",
-                "sub {weight}, {weight}, #0x00040004\n",
-                "smlad {sum}, {b}, {ones}, {sum}\n smladx {right}, {b}, {weight}, {right}\n",
+                "smlad {sum}, {b}, {ones}, {sum}\n smlad {x}, {b}, {weight}, {x}\n",
+                "add {weight}, {weight}, #0x00040004\n",
             )
         };
     }
 
-    macro_rules! run {
-        ($sums:ident, $raw:ident, $floor:ident, $excess:ident, $outermost:ident, $($code:expr),*) => {{
-            // SAFETY: the instructions read as many words from two arrays as these have, at their
-            // alignment, write registers that are given here and the status flags, which count as
-            // changed, and no memory.
-            #[allow(unsafe_code)]
-            unsafe {
-                asm!($($code),*,
-                    raw = in(reg) $raw.as_ptr(), floor = in(reg) $floor.as_ptr(),
-                    excess = in(reg) $excess, ones = in(reg) ONES,
-                    weight = inout(reg) $outermost => _,
-                    sum = inout(reg) $sums.sum, left = inout(reg) $sums.left,
-                    right = inout(reg) $sums.right,
-                    a = out(reg) _, b = out(reg) _, c = out(reg) _, d = out(reg) _,
-                    options(pure, readonly, nostack));
-            };
-        }};
+    /// Rows of words; then the weight goes back to the first.
+    macro_rules! rows {
+        ($weights:literal, $($words:expr),*) => {
+            concat!(
+                "sub sp, sp, #8\n str {c}, [sp]\n str {d}, [sp, #4]\n",
+                "2:\n", $($words,)*
+                "sub {weight}, {weight}, #", $weights, "\n add {running}, {running}, {sum}\n",
+                "ldr {d}, [sp, #4]\n ldr {c}, [sp]\n add {raw}, {raw}, {d}\n",
+                "cmp {floor}, {c}\n bne 2b\n add sp, sp, #8\n",
+            )
+        };
     }
 
-    /// Adds a row.
+    /// See [`word_sums`].
     #[inline(always)]
-    pub(super) fn add<const N: usize>(
-        sums: &mut Sums,
-        raw: &[u32; N],
-        floor: &[u32; N],
-        given: [u32; 3],
-    ) {
-        let [excess, flip, outermost] = given;
-        match (N, flip) {
-            (4, 0) => run!(sums, raw, floor, excess, outermost, ends!("0", "8", "")),
-            (8, 0) => run!(
-                sums,
-                raw,
-                floor,
-                excess,
-                outermost,
-                ends!("0", "24", ""),
-                "add {weight}, {weight}, #0x00080008",
-                ends!("8", "16", "")
-            ),
-            (4, _) => run!(
-                sums,
-                raw,
-                floor,
-                excess,
-                outermost,
-                ends!("0", "8", "eor {a}, {a}, #0x80008000\n eor {b}, {b}, #0x80008000\n")
-            ),
-            (8, _) => run!(
-                sums,
-                raw,
-                floor,
-                excess,
-                outermost,
-                ends!("0", "24", "eor {a}, {a}, #0x80008000\n eor {b}, {b}, #0x80008000\n"),
-                "add {weight}, {weight}, #0x00080008",
-                ends!("8", "16", "eor {a}, {a}, #0x80008000\n eor {b}, {b}, #0x80008000\n")
-            ),
-            _ => add_words(sums, raw, floor, given),
+    pub(super) fn sums<const N: usize, const FLIP: bool>(
+        rows: Rows<'_, N>,
+        excess: u32,
+    ) -> RowSums {
+        let Rows { raw, stride, floor } = rows;
+        let floors = floor.as_flattened().as_ptr_range();
+        if !(N == 4 || N == 8) || floor.is_empty() {
+            return word_sums::<N, FLIP>(rows, excess);
         }
+        // Bytes from the end of a row to the start of the next.
+        let gap = stride.wrapping_sub(N).wrapping_mul(4);
+        let (mut sum, mut x, mut running) = (0u32, 0u32, 0u32);
+        macro_rules! run {
+            ($code:expr) => {{
+                // SAFETY: the instructions read the rows only, of which there is one at least and all
+                // of which `Rows::new` found in their slices, at their alignment. They write registers
+                // that are given here, the status flags, which count as changed, and two words of the
+                // stack, which they give back.
+                #[allow(unsafe_code)]
+                unsafe {
+                    asm!($code,
+                        raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floors.start => _,
+                        excess = in(reg) excess, ones = in(reg) ONES, weight = inout(reg) FIRST => _,
+                        sum = inout(reg) sum, x = inout(reg) x, running = inout(reg) running,
+                        a = out(reg) _, b = out(reg) _,
+                        c = inout(reg) floors.end => _, d = inout(reg) gap => _,
+                        options(readonly));
+                };
+            }};
+        }
+        match (N, FLIP) {
+            (4, false) => run!(rows!("0x00100010", words!(""), words!(""))),
+            (4, true) => run!(rows!("0x00100010", words!(true), words!(true))),
+            (_, false) => {
+                run!(rows!("0x00200020", words!(""), words!(""), words!(""), words!("")));
+            }
+            (_, true) => {
+                run!(rows!("0x00200020", words!(true), words!(true), words!(true), words!(true)))
+            }
+        }
+        RowSums { sum, x: x as i32, running }
     }
 }
 
