@@ -183,7 +183,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     }
 
     /// Takes the next `rows` rows, which have the detector's width; `each` is given a subaperture and
-    /// its measurement as its window ends.
+    /// its measurement when its window has ended.
     #[inline]
     pub(crate) fn push<const P: usize>(
         &mut self,
@@ -198,38 +198,34 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         if only_floors {
             let met = self.meet(config, rows);
             match (config.window, self.are_whole(config, met, rows)) {
-                (8, true) => self.whole_windows::<8, 4, P>(config, met, pixels, each),
-                (16, true) => self.whole_windows::<16, 8, P>(config, met, pixels, each),
-                (8, false) => self.floored_rows::<8, 4, P>(config, met, pixels, rows, each),
-                (16, false) => self.floored_rows::<16, 8, P>(config, met, pixels, rows, each),
-                _ => self.floored_rows::<0, 0, P>(config, met, pixels, rows, each),
+                (8, true) => self.whole_windows::<8, 4, P>(config, met, pixels),
+                (16, true) => self.whole_windows::<16, 8, P>(config, met, pixels),
+                (8, false) => self.floored_rows::<8, 4, P>(config, met, pixels, rows),
+                (16, false) => self.floored_rows::<16, 8, P>(config, met, pixels, rows),
+                _ => self.floored_rows::<0, 0, P>(config, met, pixels, rows),
             }
-            self.row = self.row.wrapping_add(rows);
+            self.end(config, rows, each);
             return;
         }
         for pixels in pixels.chunks_exact(usize::from(config.width).max(1)) {
             let met = self.meet(config, 1);
             match config.window {
-                8 => self.rows_of::<8, P>(config, met, pixels, each),
-                16 => self.rows_of::<16, P>(config, met, pixels, each),
-                _ => self.rows_of::<0, P>(config, met, pixels, each),
+                8 => self.rows_of::<8, P>(config, met, pixels),
+                16 => self.rows_of::<16, P>(config, met, pixels),
+                _ => self.rows_of::<0, P>(config, met, pixels),
             }
-            self.row = self.row.wrapping_add(1);
+            self.end(config, 1, each);
         }
     }
 
     /// First window that the next `rows` rows meet, and first that they do not meet any more.
     #[inline(always)]
     fn meet<const P: usize>(&mut self, config: &Config<M, P, B>, rows: u16) -> [usize; 2] {
-        let [first, next] = &mut self.active;
+        let [_, next] = &mut self.active;
         let end = self.row.wrapping_add(rows);
         let starts = |slot: &Slot| slot.y0 < end;
         while config.slots.get(*next).is_some_and(starts) {
             *next += 1;
-        }
-        let ended = |slot: &Slot| usize::from(slot.y0) + config.window <= usize::from(self.row);
-        while config.slots.get(*first).is_some_and(ended) {
-            *first += 1;
         }
         self.active
     }
@@ -248,7 +244,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         starts && met.last().is_none_or(|slot| usize::from(slot.y0) + config.window <= end)
     }
 
-    /// [`Readout::floored_rows`] where no window goes beyond the rows: nothing is kept between calls.
+    /// [`Readout::floored_rows`] where no window goes beyond the rows.
     ///
     /// Not inlined: it needs all registers.
     #[inline(never)]
@@ -257,47 +253,35 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         config: &Config<M, P, B>,
         [first, next]: [usize; 2],
         pixels: &[u16],
-        each: &mut impl FnMut(usize, &Measurement),
     ) {
         let (width, row) = (usize::from(config.width), self.row);
         let slots = config.slots.get(first..next).unwrap_or_default();
-        let (Some(measurements), Ok([done, new])) = (
-            self.measurements.get_mut(1 - self.complete),
-            self.tracking.get_disjoint_mut([self.complete, 1 - self.complete]),
-        ) else {
-            return;
-        };
-        let tracking = done.get(first..next).unwrap_or_default().iter();
-        let tracking = tracking.zip(new.get_mut(first..next).unwrap_or_default());
-        let shared = Shared { window: W, ..Shared::new(config) };
+        let tracking = self.tracking.get(self.complete).and_then(|done| done.get(first..next));
+        let windows = self.windows.get_mut(first..next).unwrap_or_default();
+        let windows = slots.iter().zip(tracking.unwrap_or_default()).zip(windows);
         let base = config.bank.cut(0);
         let span = (W - 1).wrapping_mul(width).wrapping_add(W);
-        for ((slot, (tracking, next)), floors) in
-            slots.iter().zip(tracking).zip(config.bank.floors_of(first, next, W * W))
+        for (((slot, tracking), window), floors) in
+            windows.zip(config.bank.floors_of(first, next, W * W))
         {
             let start = usize::from(slot.y0.wrapping_sub(row)).wrapping_mul(width);
             let start = start.wrapping_add(usize::from(slot.x0));
             // There in a validated configuration and rows of the right length.
             let Some(raw) = pixels.get(start..start.wrapping_add(span)) else { continue };
             let cut = Cut { excess: tracking.excess, ..base };
-            let mut window = Window::NEW;
+            let mut moments = Moments::ZERO;
             let sums = centroid::floored_moments::<N>(raw, width, floors, W, cut);
-            window.moments.add_rows(W, 0, W, sums);
+            moments.add_rows(W, 0, W, sums);
+            window.moments = moments;
             let watched = usize::from(tracking.watched).min(W - WATCHED);
+            let mut seen = Seen::NOTHING;
             if let (Some(raw), Some(floor)) = (
                 raw.get(watched.wrapping_mul(width)..),
                 floors.get(watched * W..(watched + WATCHED) * W),
             ) {
-                centroid::note_floored::<N>(raw, width, floor, W, cut, &mut window.seen);
+                centroid::note_floored::<N>(raw, width, floor, W, cut, &mut seen);
             }
-            let (moments, subaperture) = (&window.moments, usize::from(slot.subaperture));
-            let measurement = window.measurement(moments, moments.sum, tracking, &shared);
-            let base = config.base_thresholds.get(subaperture).copied().unwrap_or(0);
-            *next = tracking.next(&measurement, base, &shared);
-            each(subaperture, &measurement);
-            if let Some(place) = measurements.get_mut(subaperture) {
-                *place = measurement;
-            }
+            window.seen = seen;
         }
     }
 
@@ -312,24 +296,15 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         [first, next]: [usize; 2],
         pixels: &[u16],
         rows: u16,
-        each: &mut impl FnMut(usize, &Measurement),
     ) {
         let size = if W == 0 { config.window } else { W };
         let (width, row) = (usize::from(config.width), self.row);
         let slots = config.slots.get(first..next).unwrap_or_default();
+        let tracking = self.tracking.get(self.complete).and_then(|done| done.get(first..next));
         let windows = self.windows.get_mut(first..next).unwrap_or_default();
-        let (Some(measurements), Ok([done, new])) = (
-            self.measurements.get_mut(1 - self.complete),
-            self.tracking.get_disjoint_mut([self.complete, 1 - self.complete]),
-        ) else {
-            return;
-        };
-        let tracking = done.get(first..next).unwrap_or_default().iter();
-        let tracking = tracking.zip(new.get_mut(first..next).unwrap_or_default());
-        let shared = Shared { window: size, ..Shared::new(config) };
+        let windows = slots.iter().zip(tracking.unwrap_or_default()).zip(windows);
         let base = config.bank.cut(0);
-        let windows = slots.iter().zip(windows).zip(tracking);
-        for (((slot, window), (tracking, next)), floors) in
+        for (((slot, tracking), window), floors) in
             windows.zip(config.bank.floors_of(first, next, size * size))
         {
             // Of the rows, those before the window's first; of the window, those before them.
@@ -365,16 +340,6 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                 continue;
             };
             centroid::note_floored::<N>(raw, width, floor, size, cut, &mut window.seen);
-            if y.wrapping_add(count) == size {
-                let (moments, subaperture) = (&window.moments, usize::from(slot.subaperture));
-                let measurement = window.measurement(moments, moments.sum, tracking, &shared);
-                let base = config.base_thresholds.get(subaperture).copied().unwrap_or(0);
-                *next = tracking.next(&measurement, base, &shared);
-                each(subaperture, &measurement);
-                if let Some(place) = measurements.get_mut(subaperture) {
-                    *place = measurement;
-                }
-            }
         }
     }
 
@@ -385,70 +350,42 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         config: &Config<M, P, B>,
         [first, next]: [usize; 2],
         pixels: &[u16],
-        each: &mut impl FnMut(usize, &Measurement),
     ) {
         let size = if W == 0 { config.window } else { W };
         let area = size * size;
         let row = self.row;
         let slots = config.slots.get(first..next).unwrap_or_default();
+        let tracking = self.tracking.get(self.complete).and_then(|done| done.get(first..next));
         let windows = self.windows.get_mut(first..next).unwrap_or_default();
-        let (Some(measurements), Ok([done, new])) = (
-            self.measurements.get_mut(1 - self.complete),
-            self.tracking.get_disjoint_mut([self.complete, 1 - self.complete]),
-        ) else {
-            return;
-        };
-        let tracking = done.get(first..next).unwrap_or_default().iter();
-        let tracking = tracking.zip(new.get_mut(first..next).unwrap_or_default());
+        let windows = slots.iter().zip(tracking.unwrap_or_default()).zip(windows);
         let bank = &config.bank;
-        let shared = Shared { window: size, ..Shared::new(config) };
-        // Window, its row, its place in the bank and its pixels. What is not there in a validated
+        // Window, its row, that row's calibration and its pixels. What is not there in a validated
         // configuration and a row of the right length is skipped.
-        let windows = slots.iter().zip(windows).zip(tracking).enumerate();
-        let lines = windows.filter_map(|(k, ((slot, window), tracking))| {
+        let lines = windows.enumerate().filter_map(|(k, ((slot, tracking), window))| {
             let y = usize::from(row.wrapping_sub(slot.y0));
             let x0 = usize::from(slot.x0);
-            let place = (first + k) * area + y * size;
             if y == 0 {
                 *window = Window::NEW;
             }
-            Some((slot, window, tracking, y, place, pixels.get(x0..x0 + size)?))
+            let calibration = bank.row((first + k) * area + y * size, size)?;
+            Some((window, *tracking, y, calibration, pixels.get(x0..x0 + size)?))
         });
-        let mut finish = |slot: &Slot, tracking: (&Tracking, &mut Tracking), measurement| {
-            let subaperture = usize::from(slot.subaperture);
-            let base = config.base_thresholds.get(subaperture).copied().unwrap_or(0);
-            let (done, next) = tracking;
-            *next = done.next(&measurement, base, &shared);
-            each(subaperture, &measurement);
-            if let Some(place) = measurements.get_mut(subaperture) {
-                *place = measurement;
-            }
-        };
         match config.estimator {
             EstimatorConfig::CentreOfGravity { .. } => {
-                for (slot, window, tracking, y, place, raw) in lines {
-                    let Some(row) = bank.row(place, size) else { continue };
-                    let cut = bank.cut(tracking.0.excess);
-                    let seen = tracking.0.watches(y).then_some(&mut window.seen);
+                for (window, tracking, y, row, raw) in lines {
+                    let cut = bank.cut(tracking.excess);
+                    let seen = tracking.watches(y).then_some(&mut window.seen);
                     let sums = centroid::calibrated_row_moments(raw, row, cut, seen);
                     window.moments.add_row(size, y, sums);
-                    if y + 1 == size {
-                        let moments = &window.moments;
-                        let measured =
-                            window.measurement(moments, moments.sum, tracking.0, &shared);
-                        finish(slot, tracking, measured);
-                    }
                 }
             }
-            EstimatorConfig::Weighted { gain, .. } => {
+            EstimatorConfig::Weighted { .. } => {
                 let weighted = self.weighted.get_mut(first..next).unwrap_or_default();
-                let shared = Shared { short_sums: false, ..shared };
-                for ((slot, window, tracking, y, place, raw), weighted) in lines.zip(weighted) {
-                    let Some(row) = bank.row(place, size) else { continue };
+                for ((window, tracking, y, row, raw), weighted) in lines.zip(weighted) {
                     let mut buffer = [0u16; MAX_WINDOW];
                     let Some(signal) = buffer.get_mut(..size) else { continue };
-                    let cut = bank.cut(tracking.0.excess);
-                    let seen = tracking.0.watches(y).then_some(&mut window.seen);
+                    let cut = bank.cut(tracking.excess);
+                    let seen = tracking.watches(y).then_some(&mut window.seen);
                     pixels::signal(raw, row, cut, seen, signal);
                     let [cx, cy] = weighted.centre.map(i32::from);
                     let weights = config.template.row(size, cx);
@@ -458,33 +395,122 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                     }
                     let sums = centroid::weighted_row_moments(signal, weights, weight);
                     weighted.moments.add_row(size, y, sums);
-                    if y + 1 == size {
-                        let (moments, flux) = (weighted.moments.narrow(), weighted.moments.flux());
-                        let mut measured = window.measurement(&moments, flux, tracking.0, &shared);
-                        let axes = measured.centroid_q16.iter_mut().zip([cx, cy]);
-                        axes.for_each(|(c, centre)| *c = centroid::unweighted(centre, *c, gain));
-                        finish(slot, tracking, measured);
-                    }
                 }
             }
             EstimatorConfig::Brightest { n, bits } => {
-                for (k, (slot, window, tracking, y, place, raw)) in (first..).zip(lines) {
+                for (k, (window, tracking, y, row, raw)) in (first..).zip(lines) {
                     let start = (k % config.concurrent.max(1)) * area;
-                    let Some(row) = bank.row(place, size) else { continue };
                     let Some(stored) = self.buffer.get_mut(start..start + area) else { continue };
                     let Some(signal) = stored.get_mut(y * size..(y + 1) * size) else {
                         continue;
                     };
-                    let seen = tracking.0.watches(y).then_some(&mut window.seen);
+                    let seen = tracking.watches(y).then_some(&mut window.seen);
                     pixels::signal(raw, row, bank.cut(0), seen, signal);
                     if y + 1 == size {
-                        let moments = centroid::brightest_moments(stored, size, n, bits);
-                        let measured =
-                            window.measurement(&moments, moments.sum, tracking.0, &shared);
-                        finish(slot, tracking, measured);
+                        window.moments = centroid::brightest_moments(stored, size, n, bits);
                     }
                 }
             }
+        }
+    }
+
+    /// Counts `rows` rows as taken and measures every window that has ended with them.
+    #[inline(always)]
+    fn end<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        rows: u16,
+        each: &mut impl FnMut(usize, &Measurement),
+    ) {
+        self.row = self.row.wrapping_add(rows);
+        let [start, next] = self.active;
+        let met = config.slots.get(start..next).unwrap_or_default().iter();
+        let has_ended =
+            |slot: &&Slot| usize::from(slot.y0) + config.window <= usize::from(self.row);
+        let end = start.wrapping_add(met.take_while(has_ended).count());
+        self.active = [end, next];
+        if end > start {
+            match config.estimator {
+                EstimatorConfig::Weighted { gain, .. } => {
+                    self.measure_weighted(config, [start, end], gain, each);
+                }
+                _ => self.measure(config, [start, end], each),
+            }
+        }
+    }
+
+    /// Measures windows from their moments.
+    ///
+    /// Not inlined: it needs all registers.
+    #[inline(never)]
+    fn measure<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        [start, end]: [usize; 2],
+        each: &mut impl FnMut(usize, &Measurement),
+    ) {
+        let (Some(measurements), Ok([done, new])) = (
+            self.measurements.get_mut(1 - self.complete),
+            self.tracking.get_disjoint_mut([self.complete, 1 - self.complete]),
+        ) else {
+            return;
+        };
+        let tracking = done.get(start..end).unwrap_or_default().iter();
+        let tracking = tracking.zip(new.get_mut(start..end).unwrap_or_default());
+        let windows = self.windows.get(start..end).unwrap_or_default();
+        let slots = config.slots.get(start..end).unwrap_or_default();
+        let shared = Shared::new(config);
+        for ((slot, window), (tracking, next)) in slots.iter().zip(windows).zip(tracking) {
+            let subaperture = usize::from(slot.subaperture);
+            let (Some(place), Some(&base)) =
+                (measurements.get_mut(subaperture), config.base_thresholds.get(subaperture))
+            else {
+                continue;
+            };
+            let moments = &window.moments;
+            let measurement = window.measurement(moments, moments.sum, tracking, &shared);
+            *next = tracking.next(&measurement, base, &shared);
+            *place = measurement;
+            each(subaperture, &measurement);
+        }
+    }
+
+    /// Measures windows from their weighted moments; `gain` undoes the weight's.
+    fn measure_weighted<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        [start, end]: [usize; 2],
+        gain: i32,
+        each: &mut impl FnMut(usize, &Measurement),
+    ) {
+        let (Some(measurements), Ok([done, new])) = (
+            self.measurements.get_mut(1 - self.complete),
+            self.tracking.get_disjoint_mut([self.complete, 1 - self.complete]),
+        ) else {
+            return;
+        };
+        let tracking = done.get(start..end).unwrap_or_default().iter();
+        let tracking = tracking.zip(new.get_mut(start..end).unwrap_or_default());
+        let windows = self.windows.get(start..end).unwrap_or_default().iter();
+        let windows = windows.zip(self.weighted.get(start..end).unwrap_or_default());
+        let slots = config.slots.get(start..end).unwrap_or_default();
+        let shared = Shared { short_sums: false, ..Shared::new(config) };
+        for ((slot, (window, weighted)), (tracking, next)) in
+            slots.iter().zip(windows).zip(tracking)
+        {
+            let subaperture = usize::from(slot.subaperture);
+            let (Some(place), Some(&base)) =
+                (measurements.get_mut(subaperture), config.base_thresholds.get(subaperture))
+            else {
+                continue;
+            };
+            let (moments, flux) = (weighted.moments.narrow(), weighted.moments.flux());
+            let mut measurement = window.measurement(&moments, flux, tracking, &shared);
+            let axes = measurement.centroid_q16.iter_mut().zip(weighted.centre);
+            axes.for_each(|(c, centre)| *c = centroid::unweighted(centre.into(), *c, gain));
+            *next = tracking.next(&measurement, base, &shared);
+            *place = measurement;
+            each(subaperture, &measurement);
         }
     }
 
