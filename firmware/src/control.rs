@@ -20,11 +20,9 @@
 //! **Scaling and overflow.** Slopes and commands are i32 ulp within +-2^23, what the mirror showed less
 //! a global tilt within +-2^24, so |x| <= 3 x 2^23, and twice that at most after a mean is off. x is kept
 //! times 8, in its low bits whether it was measured, so that the sum over four neighbours (below
-//! 3 x 2^28 + 5) counts them as well. Coefficients are Q13 i16 within +-4, hence c' before its mean and
-//! limit below 2^28; each of its two products is one multiply-high that leaves two bits to round on. c'
-//! is within 1 ulp of the exact sum, and c where x = c and f = 1. The mean is the sum (below
-//! 1600 x 2^28 < 2^39) times the floor of 2^24 / count: low by less than 1e-4 of itself, far below
-//! what the next frame removes again.
+//! 3 x 2^28 + 5) counts them as well. Coefficients are Q13 i16 within +-4, products i64, rounded once;
+//! c' before its mean and limit is below 2^28. The mean is the sum (below 1600 x 2^28 < 2^39) times the
+//! floor of 2^24 / count: low by less than 1e-4 of itself, far below what the next frame removes again.
 
 use crate::fixed::{self, TILT_LIMIT, mul_high};
 use crate::geometry::Grid;
@@ -84,11 +82,6 @@ const COUNT: i32 = (1 << GUARD_BITS) - 1;
 /// Floor of 2^29 / n for the mean over up to four neighbours, of which the upper half of its product
 /// with a sum of 8 x is; 0 for none.
 const INVERSE: [i32; 8] = [0, 1 << 29, 1 << 28, (1 << 29) / 3, 1 << 27, 0, 0, 0];
-
-/// The part of a 32-bit coefficient that a shift of 16 leaves for the other factor: see `next`.
-const COEFFICIENT_SHIFT: u32 = 16;
-/// Bits of c' that its two products keep below the point.
-const ROUND_BITS: u32 = 2;
 
 impl<const M: usize> Control<M> {
     pub(crate) const fn new() -> Self {
@@ -258,17 +251,12 @@ impl Gains {
         self.take != 0
     }
 
-    /// keep c + take x, rounded; both are below 2^26.
+    /// keep c + take x, rounded once: a bias of an eighth of an ulp would pass through the mean into
+    /// what is held, and add up there.
     #[inline(always)]
     fn next(self, c: i32, x: i32) -> i32 {
-        // Q13 2^16 x 2^5 / 2^32 = 4 x.
-        const UP: u32 = 32 - COEFFICIENT_SHIFT - GAIN_BITS + ROUND_BITS;
-        let product =
-            |gain: i16, value: i32| mul_high(i32::from(gain) << COEFFICIENT_SHIFT, value << UP);
-        // One more than half: each product has been rounded down by half of one on average.
-        const HALF: i32 = (1 << ROUND_BITS >> 1) + 1;
-        let sum = product(self.keep, c).wrapping_add(product(self.take, x));
-        sum.wrapping_add(HALF) >> ROUND_BITS
+        let sum = i64::from(self.keep) * i64::from(c) + i64::from(self.take) * i64::from(x);
+        fixed::round_shift(sum, GAIN_BITS) as i32
     }
 }
 
