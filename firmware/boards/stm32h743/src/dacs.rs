@@ -1,6 +1,7 @@
 //! The DACs: SPI1 to SPI3 and their DMA, and TIM4, which steers the select lines and pulls LDAC.
 //!
 //! What goes out, and when, is in `stm32h743_logic::dac_burst`.
+#![allow(unsafe_code, reason = "the section of what the frames' exception calls")]
 
 use embassy_stm32::pac::dma::vals::{Dir, Pl, Size};
 use embassy_stm32::pac::spi::Spi;
@@ -100,11 +101,13 @@ impl DmaDacs {
         Self { words, started: false }
     }
 
+    #[inline(always)]
     fn is_busy(&self) -> bool {
         self.started
             && (TIM4.cr1().read().cen() || SPIS.iter().any(|spi| !spi.sr().read().eot()))
     }
 
+    #[inline(always)]
     fn start(&mut self, schedule: &Schedule) {
         TIM4.ccr(STEER).write(|w| w.set_ccr(schedule.steer));
         TIM4.ccr(LDAC).write(|w| w.set_ccr(schedule.ldac));
@@ -144,6 +147,7 @@ impl DmaDacs {
 impl DacBus for DmaDacs {
     type Error = Refused;
 
+    #[unsafe(link_section = ".itcm.dacs")]
     fn update(&mut self, codes: &[[u16; ACTUATORS]]) -> Result<(), Refused> {
         if self.is_busy() {
             return Err(Refused::Busy);

@@ -2,6 +2,7 @@
 //!
 //! DCMI takes up to 14 bits with HSYNC and VSYNC of their own, one crop rectangle and no frame counter:
 //! windows are cut out and frames numbered by the firmware.
+#![allow(unsafe_code, reason = "the section of what the interrupts call")]
 
 use embassy_stm32::pac::dma::vals::{Burst, Ct, Dir, Dmdis, Fth, Pl, Size};
 use embassy_stm32::pac::{DCMI, DMA1, DMAMUX1, RCC};
@@ -10,8 +11,10 @@ use stm32h743_logic::ring::Complete;
 use stm32h743_logic::shape::Shape;
 
 const STREAM: usize = DETECTOR.stream as usize;
+/// How often the camera interface is asked whether its FIFO is empty: about 2 us.
+const FIFO_READS: u32 = 100;
 
-/// What the rows interrupt has of it.
+/// What the interrupts have of it.
 pub(crate) struct Dma {
     ring: u32,
 }
@@ -26,12 +29,14 @@ impl Dma {
         Self { ring }
     }
 
+    #[inline(always)]
     fn address(&self, shape: &Shape, slot: u16) -> u32 {
         // Inside AXI SRAM.
         self.ring + shape.offset(slot) as u32
     }
 
     /// Stops whatever is being read, and waits for the next frame.
+    #[unsafe(link_section = ".itcm.detector")]
     pub(crate) fn start(&mut self, shape: &Shape) {
         self.stop();
         let stream = DMA1.st(STREAM);
@@ -55,17 +60,22 @@ impl Dma {
             w.set_tcie(true);
         });
         stream.cr().modify(|w| w.set_en(true));
-        // Pixels count at the rising edge of their clock, while HSYNC and VSYNC are high.
+        // Pixels count at the rising edge of their clock, while HSYNC and VSYNC are high. VSYNC's
+        // interrupt comes when it goes low: a frame has ended.
         DCMI.cr().write(|w| {
             w.set_pckpol(true);
             w.set_edm(shape.data_mode());
             w.set_enable(true);
         });
+        DCMI.icr().write(|w| w.set_vsync_isc(true));
+        DCMI.ier().write(|w| w.set_vsync_ie(true));
         DCMI.cr().modify(|w| w.set_capture(true));
     }
 
     /// Stops it at once.
+    #[unsafe(link_section = ".itcm.detector")]
     pub(crate) fn stop(&mut self) {
+        DCMI.ier().write(|_| ());
         DCMI.cr().modify(|w| w.set_capture(false));
         DCMI.cr().modify(|w| w.set_enable(false));
         let stream = DMA1.st(STREAM);
@@ -96,6 +106,24 @@ impl Dma {
         }
         self.clear();
         Some(DMA1.st(STREAM).cr().read().ct() == Ct::MEMORY1)
+    }
+
+    /// Whether a frame has ended, once. Its last pixels have then left the camera interface.
+    #[inline(always)]
+    pub(crate) fn ended(&mut self) -> bool {
+        if !DCMI.ris().read().vsync_ris() {
+            return false;
+        }
+        DCMI.icr().write(|w| w.set_vsync_isc(true));
+        // Its FIFO has four words; a DMA that does not fetch them has other ways to be noticed.
+        let _ = (0..FIFO_READS).find(|_| !DCMI.sr().read().fne());
+        true
+    }
+
+    /// Transfers until the block that is being filled is complete; all of them before the first.
+    #[inline(always)]
+    pub(crate) fn left(&self) -> u16 {
+        DMA1.st(STREAM).ndtr().read().ndt()
     }
 
     /// Whether pixels were lost.

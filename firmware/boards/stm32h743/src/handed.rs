@@ -1,12 +1,12 @@
-//! What the main program hands to an interrupt, once, before it is enabled.
-#![allow(unsafe_code, reason = "a value that one interrupt owns")]
+//! What the main program hands to interrupts of one priority, once, before they are enabled.
+#![allow(unsafe_code, reason = "a value that interrupts own")]
 
 use core::cell::UnsafeCell;
 
 /// A place for it.
 pub(crate) struct Handed<T>(UnsafeCell<Option<T>>);
 
-// SAFETY: the value is written before the interrupt is enabled, and used by that interrupt only.
+// SAFETY: the value is written before the interrupts are enabled, and used by them only.
 unsafe impl<T: Send> Sync for Handed<T> {}
 
 impl<T> Handed<T> {
@@ -18,7 +18,7 @@ impl<T> Handed<T> {
     /// Puts the value there.
     ///
     /// # Safety
-    /// The interrupt is not enabled yet, and nobody else calls this.
+    /// The interrupts are not enabled yet, and nobody else calls this.
     pub(crate) unsafe fn give(&self, value: T) {
         // SAFETY: as the caller says, there is no other reference.
         unsafe { *self.0.get() = Some(value) };
@@ -27,11 +27,11 @@ impl<T> Handed<T> {
     /// The value.
     ///
     /// # Safety
-    /// Only the interrupt that it was given to calls this, once each time it runs.
+    /// Only interrupts that do not interrupt one another call this, once each time they run.
     #[allow(clippy::mut_from_ref, reason = "the caller is the only one")]
     #[inline(always)]
     pub(crate) unsafe fn mine(&self) -> Option<&mut T> {
-        // SAFETY: as the caller says: an interrupt does not interrupt itself.
+        // SAFETY: as the caller says, there is no other reference.
         unsafe { (*self.0.get()).as_mut() }
     }
 }

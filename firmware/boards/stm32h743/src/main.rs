@@ -1,7 +1,7 @@
 //! SPLASH on an STM32H743: the flash image.
 //!
-//! Two interrupts and a main loop. [`interrupts`] has both interrupts with their priorities and deadlines;
-//! what they decide is in the crate `stm32h743-logic`, which is tested on a PC. Here are the registers, a file for
+//! Two interrupts, an exception for the frames' work, and a main loop. [`interrupts`] has their priorities
+//! and deadlines; what they decide is in the crate `stm32h743-logic`, which is tested on a PC. Here are the registers, a file for
 //! each piece of hardware.
 
 #![no_std]

@@ -63,13 +63,22 @@ pub struct TooMany {
     pub found: usize,
 }
 
+/// Ticks of the timer in so many clocks of a bus, as a fraction in MHz: 240 / 50.
 const fn clocks_to_ticks(clocks: u32) -> u32 {
-    (clocks as u64 * TIMER_HZ as u64).div_ceil(DAC_HZ as u64) as u32
+    const MHZ: u32 = 1_000_000;
+    (clocks * (TIMER_HZ / MHZ)).div_ceil(DAC_HZ / MHZ)
 }
 
 const fn ns_to_ticks(ns: u32) -> u32 {
     (ns as u64 * TIMER_HZ as u64).div_ceil(1_000_000_000) as u32
 }
+
+/// [`SLACK_NS`], ticks.
+const SLACK: u32 = ns_to_ticks(SLACK_NS);
+/// From the last word to LDAC, ticks.
+const BUSY: u32 = ns_to_ticks(ad5370::BUSY_NS);
+/// For which LDAC is low, ticks.
+const PULSE: u32 = ns_to_ticks(LDAC_NS);
 
 impl Schedule {
     /// That of a frame of so many segments.
@@ -82,10 +91,14 @@ impl Schedule {
         }
         let per_chip = segments.div_ceil(CHIPS) * ACTUATORS;
         let words = 2 * per_chip + GUARD;
-        let steer = clocks_to_ticks((per_chip + GUARD / 2) as u32 * WORD_CLOCKS);
+        // In the middle between the latest end of the first chip's words and the earliest start of the
+        // second's.
+        let first = clocks_to_ticks(per_chip as u32 * LONGEST_WORD_CLOCKS) + SLACK;
+        let second = clocks_to_ticks((per_chip + GUARD) as u32 * WORD_CLOCKS);
+        let steer = u32::midpoint(first, second);
         let sent = clocks_to_ticks(words as u32 * LONGEST_WORD_CLOCKS);
-        let ldac = sent + ns_to_ticks(SLACK_NS + ad5370::BUSY_NS);
-        let end = ldac + ns_to_ticks(LDAC_NS);
+        let ldac = sent + SLACK + BUSY;
+        let end = ldac + PULSE;
         // With all channels in use 16 000 ticks, 66 us.
         Ok(Self { words: words as u16, steer: steer as u16, ldac: ldac as u16, end: end as u16 })
     }
@@ -160,8 +173,8 @@ mod tests {
     fn every_chip_gets_its_codes_whatever_the_manual_leaves_open() {
         for segments in [1, 5, 6, 7, 32, 52, 64, SEGMENTS] {
             for word_clocks in WORD_CLOCKS..=LONGEST_WORD_CLOCKS {
-                // The timer starts when the buses have, or the buses up to 1.5 us late.
-                for start_ns in [0.0, 1500.0] {
+                // The buses start with the timer, or are late by all that there is for it.
+                for start_ns in [0.0, SLACK_NS.into()] {
                     let chips = received(segments, word_clocks.into(), start_ns);
                     let mut expected = [[0; 40]; CHIPS];
                     for (segment, codes) in codes(segments).iter().enumerate() {

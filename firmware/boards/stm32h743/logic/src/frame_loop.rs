@@ -1,13 +1,10 @@
-//! Blocks of rows through the pipeline, and the codes to the DACs: what the frame interrupt does.
+//! Blocks of rows through the pipeline, and the codes to the DACs: what is done with a frame.
 
 use crate::dac_bus::DacBus;
 use crate::frame_clock::{FrameClock, Tick};
 use crate::shape::Shape;
-use heapless::Vec;
-use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;
-use splash_firmware::pipeline::{GlobalTilt, Pipeline, Probe, Report, Stage, Totals};
-use splash_firmware::segments::{ACTUATORS, Position};
+use splash_firmware::pipeline::{Pipeline, Probe, Report, Stage};
 use splash_firmware::slopes::Slope;
 
 /// Frames that were missed and are held one by one, so that the mirror's past is right: it goes back by
@@ -48,23 +45,6 @@ pub struct Record {
     pub tilt_squared_ulp2: u64,
 }
 
-/// What the last frame left.
-#[derive(Clone, Debug)]
-pub struct Snapshot<const M: usize> {
-    /// Its report; `None` before the first frame, and after a reset.
-    pub report: Option<Report>,
-    /// Totals since the last reset.
-    pub totals: Totals,
-    /// DAC codes.
-    pub codes: Vec<[u16; ACTUATORS], M>,
-    /// Measurements.
-    pub measurements: Vec<Measurement, M>,
-    /// Slopes.
-    pub slopes: Vec<Slope, M>,
-    /// Positions of the segments.
-    pub positions: Vec<Position, M>,
-}
-
 /// What a block was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Taken {
@@ -72,25 +52,24 @@ pub enum Taken {
     Part,
     /// The last of a frame.
     Frame(Record),
-    /// Not the one that was due: the detector must be started again. A frame that was being read is
-    /// held.
-    Astray(Option<Record>),
+    /// Not the one that was due: the detector must be started again.
+    Astray,
 }
 
 /// Takes blocks one by one.
 #[derive(Debug)]
 pub struct FrameLoop<'a, D, C, const M: usize, const P: usize, const B: usize> {
-    pipeline: &'a mut Pipeline<M, B>,
-    bank: &'a mut Config<M, P, B>,
-    dacs: D,
+    pub(crate) pipeline: &'a mut Pipeline<M, B>,
+    pub(crate) bank: &'a mut Config<M, P, B>,
+    pub(crate) dacs: D,
     counter: C,
     clock: FrameClock,
-    shape: Option<Shape>,
+    pub(crate) shape: Option<Shape>,
     /// The block of the frame that is due.
-    next: u16,
+    pub(crate) next: u16,
     tick: Tick,
     rows: u32,
-    report: Option<Report>,
+    pub(crate) report: Option<Report>,
 }
 
 /// Reads the counter after each stage.
@@ -149,42 +128,15 @@ impl<'a, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
         self.shape.as_ref()
     }
 
-    /// Takes another bank, whose frames come as `shape` says, opens the loop and returns the bank
-    /// before. A frame that is being read is dropped.
-    pub fn exchange(
-        &mut self,
-        bank: &'a mut Config<M, P, B>,
-        shape: Shape,
-    ) -> &'a mut Config<M, P, B> {
-        self.shape = Some(shape);
-        let before = core::mem::replace(&mut self.bank, bank);
-        self.reset();
-        before
-    }
-
-    /// Opens the loop: the flat mirror's codes. Returns whether the DACs took them.
-    pub fn reset(&mut self) -> bool {
-        self.next = 0;
-        self.report = None;
-        self.pipeline.reset(self.bank);
-        self.dacs.update(self.pipeline.codes()).is_ok()
-    }
-
-    /// Gives a global tilt.
-    pub fn set_global_tilt(&mut self, tilt: GlobalTilt) {
-        self.pipeline.set_global_tilt(tilt);
-    }
-
-    /// The next block. `start`: the count of pulses at the VSYNC that came before it, if one did since
-    /// the last block; `at`: the cycle at which it was complete.
+    /// The next block. `start`: the count of pulses when the frame began, if it began since the last
+    /// block; `at`: the cycle at which the block was complete.
     #[inline]
     pub fn block(&mut self, start: Option<u32>, at: u32, pixels: &[u16]) -> Taken {
-        let Some(shape) = self.shape else { return Taken::Astray(None) };
+        let Some(shape) = self.shape else { return Taken::Astray };
         match (self.next, start) {
             (0, Some(stamp)) => self.begin(stamp),
-            (0, None) => return Taken::Astray(None),
-            (_, Some(_)) => return Taken::Astray(Some(self.finish(at))),
-            (_, None) => {}
+            (1.., None) => {}
+            _ => return Taken::Astray,
         }
         let before = self.counter.now();
         // A refused block is not for here to judge: the frame will be held and say so.
@@ -194,8 +146,8 @@ impl<'a, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
         if self.next < shape.blocks { Taken::Part } else { Taken::Frame(self.finish(at)) }
     }
 
-    /// Blocks were lost: a frame that is being read ends here, held.
-    pub fn lost(&mut self) -> Option<Record> {
+    /// VSYNC: no more rows of this frame come. One that is not complete ends here, held.
+    pub fn end(&mut self) -> Option<Record> {
         (self.next > 0).then(|| self.finish(self.counter.now()))
     }
 
@@ -223,19 +175,6 @@ impl<'a, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
             tick: self.tick,
             sent,
             tilt_squared_ulp2: tilt_squared(self.pipeline.slopes()),
-        }
-    }
-
-    /// What the last frame left.
-    pub fn snapshot(&self) -> Snapshot<M> {
-        // Each has at most M entries.
-        Snapshot {
-            report: self.report,
-            totals: self.pipeline.totals(),
-            codes: Vec::from_slice(self.pipeline.codes()).unwrap_or_default(),
-            measurements: Vec::from_slice(self.pipeline.measurements()).unwrap_or_default(),
-            slopes: Vec::from_slice(self.pipeline.slopes()).unwrap_or_default(),
-            positions: Vec::from_slice(self.pipeline.positions()).unwrap_or_default(),
         }
     }
 }

@@ -16,7 +16,8 @@
 //! | [`dac_burst`] | the same words as one DMA transfer a bus, and the timer that steers them |
 //! | [`interlock`] | when laser and high voltage are enabled |
 //! | [`vitals`] | when the watchdog is fed |
-//! | [`queues`] | what interrupts and main loop pass to one another |
+//! | [`queues`] | what interrupts, frames and main loop pass to one another |
+//! | [`answers`] | what is done when the main loop asks |
 //! | [`service`] | requests of the link |
 //! | [`byte_ring`] | bytes of the link as the DMA writes them |
 //! | [`telemetry`] | what the log says of the wavefront |
@@ -24,6 +25,7 @@
 #![cfg_attr(not(test), no_std)]
 
 pub mod ad5370;
+pub mod answers;
 pub mod byte_ring;
 pub mod clocks;
 pub mod dac_burst;

@@ -1,14 +1,15 @@
-//! What the two interrupts and the main loop pass to one another: values, never shared memory.
+//! What interrupts, frames and main loop pass to one another: values, never shared memory.
 //!
 //! ```text
-//! rows interrupt --- blocks ---> frame interrupt ---- news, answers -----> main loop
-//!                <-- orders ----                 <-- commands -------------
+//! both interrupts --- blocks ---> frames (PendSV) ---- news, answers -----> main loop
+//!                 <-- orders ----                 <-- commands -------------
 //! ```
 //!
 //! A calibration bank is one of the values: who has it may use it, so none can change in a frame.
 
+use crate::answers::Snapshot;
 use crate::dac_bus::DacBus;
-use crate::frame_loop::{Counter, FrameLoop, Record, Snapshot, Taken};
+use crate::frame_loop::{Counter, FrameLoop, Record, Taken};
 use crate::ring::{Complete, Fault, Ring};
 use crate::shape::{SLOTS, Shape};
 use heapless::spsc::{Consumer, Producer, Queue};
@@ -22,11 +23,13 @@ pub enum Event {
     Block {
         /// Its place.
         slot: u16,
-        /// Pulses at the VSYNC before it, if one came since the last block.
+        /// Pulses when its frame began, if it began since the last block.
         start: Option<u32>,
         /// The cycle at which it was complete.
         at: u32,
     },
+    /// VSYNC, at the end of a block: the frame has no more.
+    End,
     /// The detector is stopped, because of this.
     Lost(Fault),
 }
@@ -45,7 +48,7 @@ pub struct Order {
     shape: Shape,
 }
 
-/// What the main loop asks of the frame interrupt.
+/// What the main loop asks of the frames' exception.
 #[derive(Debug)]
 pub enum Command<const M: usize, const P: usize, const B: usize> {
     /// Another bank. Answered by the one before.
@@ -58,7 +61,7 @@ pub enum Command<const M: usize, const P: usize, const B: usize> {
     Snapshot,
 }
 
-/// What the frame interrupt answers.
+/// What the frames' exception answers.
 #[derive(Debug)]
 #[allow(clippy::large_enum_variant, reason = "without allocation nothing can be put elsewhere")]
 pub enum Answer<const M: usize, const P: usize, const B: usize> {
@@ -68,7 +71,7 @@ pub enum Answer<const M: usize, const P: usize, const B: usize> {
     State(Snapshot<M>),
 }
 
-/// What the frame interrupt tells without being asked.
+/// What the frames' exception tells without being asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum News {
     /// A frame has ended.
@@ -77,8 +80,8 @@ pub enum News {
     Fault(Fault),
 }
 
-/// Room for every block of the ring, and for one loss.
-type Events = Queue<Tagged, { SLOTS + 2 }>;
+/// Room for every block of the ring, an end behind each, and a loss.
+type Events = Queue<Tagged, { 2 * SLOTS + 4 }>;
 
 /// The queues.
 pub struct Queues<const M: usize, const P: usize, const B: usize> {
@@ -86,7 +89,7 @@ pub struct Queues<const M: usize, const P: usize, const B: usize> {
     orders: Queue<Order, 4>,
     commands: Queue<Command<M, P, B>, 4>,
     answers: Queue<Answer<M, P, B>, 2>,
-    news: Queue<News, 8>,
+    news: Queue<News, 16>,
 }
 
 impl<const M: usize, const P: usize, const B: usize> Default for Queues<M, P, B> {
@@ -132,9 +135,9 @@ impl<const M: usize, const P: usize, const B: usize> Queues<M, P, B> {
 
 /// The ends of the queues.
 pub struct Ends<'q, const M: usize, const P: usize, const B: usize> {
-    /// Of the rows interrupt.
+    /// Of the interrupts.
     pub rows: RowSide<'q>,
-    /// Of the frame interrupt.
+    /// Of the frames' exception.
     pub frames: FrameEnds<'q, M, P, B>,
     /// Of the main loop.
     pub asking: Asking<'q, M, P, B>,
@@ -142,7 +145,7 @@ pub struct Ends<'q, const M: usize, const P: usize, const B: usize> {
     pub news: Consumer<'q, News>,
 }
 
-/// What the rows interrupt does, but for the registers.
+/// What both interrupts do, but for the registers.
 pub struct RowSide<'q> {
     /// `None` while the detector is stopped.
     ring: Option<Ring>,
@@ -165,17 +168,17 @@ impl RowSide<'_> {
     }
 
     /// A block is complete: arguments as of [`Ring::complete`] and [`Event::Block`]. Where to aim the
-    /// DMA, or `None` if the detector is to be stopped.
+    /// DMA, or `None` if the detector is to be stopped. Ends of frames that wait count as blocks.
     pub fn complete(
         &mut self,
         second: bool,
-        vsync: Option<u32>,
+        begun: Option<u32>,
         at: u32,
     ) -> Option<(Complete, Shape)> {
         let ring = self.ring.as_mut()?;
         match ring.complete(second, self.events.len()) {
             Ok(complete) => {
-                let event = Event::Block { slot: complete.slot, start: vsync, at };
+                let event = Event::Block { slot: complete.slot, start: begun, at };
                 // There is room: the ring has fewer blocks than the queue.
                 let _ = self.events.enqueue(Tagged { start: self.start, event });
                 Some((complete, *ring.shape()))
@@ -184,6 +187,24 @@ impl RowSide<'_> {
                 self.lost(fault);
                 None
             }
+        }
+    }
+
+    /// VSYNC. `left`: transfers until the block that is being filled is complete. Whether the detector
+    /// goes on: it has to be stopped where rows are missing, or the next frame's would come in their
+    /// place.
+    pub fn end(&mut self, left: u16) -> bool {
+        match &self.ring {
+            Some(ring) if left == ring.shape().transfers() => {
+                // There is room: at most one behind each block.
+                let _ = self.events.enqueue(Tagged { start: self.start, event: Event::End });
+                true
+            }
+            Some(_) => {
+                self.lost(Fault::Astray);
+                false
+            }
+            None => false,
         }
     }
 
@@ -196,32 +217,32 @@ impl RowSide<'_> {
     }
 }
 
-/// The frame interrupt's ends of the queues.
+/// The frames' ends of the queues.
 pub struct FrameEnds<'q, const M: usize, const P: usize, const B: usize> {
     events: Consumer<'q, Tagged>,
     orders: Producer<'q, Order>,
     commands: Consumer<'q, Command<M, P, B>>,
-    answers: Producer<'q, Answer<M, P, B>>,
+    pub(crate) answers: Producer<'q, Answer<M, P, B>>,
     news: Producer<'q, News>,
 }
 
-/// The detector, as the frame interrupt sees it.
+/// The detector, as the frames' exception sees it.
 pub trait Detector {
     /// The pixels of a complete block.
     fn pixels(&mut self, shape: &Shape, slot: u16) -> &[u16];
 
-    /// Lets the rows interrupt see its orders.
+    /// Lets the interrupts see its orders.
     fn wake(&mut self);
 }
 
-/// What the frame interrupt does, but for the registers.
+/// What is done with frames, but for the registers.
 pub struct FrameSide<'q, D, C, const M: usize, const P: usize, const B: usize> {
-    frames: FrameLoop<'static, D, C, M, P, B>,
-    ends: FrameEnds<'q, M, P, B>,
+    pub(crate) frames: FrameLoop<'static, D, C, M, P, B>,
+    pub(crate) ends: FrameEnds<'q, M, P, B>,
     /// Number of the detector's last start.
     start: u8,
     /// The next frame's state is asked for.
-    asked: bool,
+    pub(crate) asked: bool,
 }
 
 impl<'q, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
@@ -253,29 +274,24 @@ impl<'q, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
 
     #[inline]
     fn event(&mut self, event: Event, detector: &mut impl Detector) {
-        let taken = match event {
+        let fault = match event {
             Event::Block { slot, start, at } => {
                 let Some(shape) = self.frames.shape().copied() else { return };
-                self.frames.block(start, at, detector.pixels(&shape, slot))
-            }
-            Event::Lost(fault) => {
-                if let Some(record) = self.frames.lost() {
-                    self.record(record);
+                match self.frames.block(start, at, detector.pixels(&shape, slot)) {
+                    Taken::Part => return,
+                    Taken::Frame(record) => return self.record(record),
+                    Taken::Astray => Some(Fault::Astray),
                 }
-                self.fault(fault);
-                return self.restart(detector);
             }
+            Event::End => None,
+            Event::Lost(fault) => Some(fault),
         };
-        match taken {
-            Taken::Part => {}
-            Taken::Frame(record) => self.record(record),
-            Taken::Astray(record) => {
-                if let Some(record) = record {
-                    self.record(record);
-                }
-                self.fault(Fault::Astray);
-                self.restart(detector);
-            }
+        if let Some(record) = self.frames.end() {
+            self.record(record);
+        }
+        if let Some(fault) = fault {
+            let _ = self.ends.news.enqueue(News::Fault(fault));
+            self.restart(detector);
         }
     }
 
@@ -283,45 +299,21 @@ impl<'q, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
         // One that nobody fetched in time is not missed: others follow.
         let _ = self.ends.news.enqueue(News::Frame(record));
         if self.asked {
-            self.asked = false;
-            // There is room: the main loop asks for one thing at a time.
-            let _ = self.ends.answers.enqueue(Answer::State(self.frames.snapshot()));
+            self.tell();
         }
     }
 
-    fn fault(&mut self, fault: Fault) {
-        let _ = self.ends.news.enqueue(News::Fault(fault));
-    }
-
-    fn restart(&mut self, detector: &mut impl Detector) {
+    pub(crate) fn restart(&mut self, detector: &mut impl Detector) {
         if let Some(&shape) = self.frames.shape() {
             self.start = self.start.wrapping_add(1);
-            // There is room: the rows interrupt takes them before this one goes on.
+            // There is room: the interrupts takes them before this one goes on.
             let _ = self.ends.orders.enqueue(Order { start: self.start, shape });
             detector.wake();
         }
     }
-
-    fn command(&mut self, command: Command<M, P, B>, detector: &mut impl Detector) {
-        match command {
-            Command::Exchange(bank, shape) => {
-                let before = self.frames.exchange(bank, shape);
-                self.restart(detector);
-                let _ = self.ends.answers.enqueue(Answer::Bank(before));
-            }
-            Command::Reset => {
-                self.frames.reset();
-                let _ = self.ends.answers.enqueue(Answer::State(self.frames.snapshot()));
-                // The frame that is being read is given up: the next blocks are in its middle.
-                self.restart(detector);
-            }
-            Command::GlobalTilt(tilt) => self.frames.set_global_tilt(tilt),
-            Command::Snapshot => self.asked = true,
-        }
-    }
 }
 
-/// Asks the frame interrupt, one thing at a time. `wait` lets it run, and returns whether to go on
+/// Asks the frames' exception, one thing at a time. `wait` lets it run, and returns whether to go on
 /// waiting.
 pub struct Asking<'q, const M: usize, const P: usize, const B: usize> {
     commands: Producer<'q, Command<M, P, B>>,

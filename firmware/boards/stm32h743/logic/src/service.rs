@@ -7,7 +7,7 @@
 //! | `Frame` | answered by what the detector's next frame leaves, whatever its number; refused if none comes |
 //! | `MeasuredFrame` | refused: there is a detector |
 
-use crate::frame_loop::Snapshot;
+use crate::answers::Snapshot;
 use crate::gate::{GateError, GateTicks};
 use crate::queues::Asking;
 use crate::shape::{Shape, ShapeError};
@@ -22,7 +22,7 @@ pub trait Board: Link {
     /// A wait begins.
     fn begin_wait(&mut self);
 
-    /// Lets the frame interrupt see its commands, does whatever else the main loop has to do, and
+    /// Lets the frames' exception see its commands, does whatever else the main loop has to do, and
     /// returns whether to go on waiting.
     fn wait(&mut self) -> bool;
 
