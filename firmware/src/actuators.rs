@@ -56,21 +56,22 @@ pub(crate) fn codes(
     responses: &[Response; ACTUATORS],
     heights_ulp: &[i32; ACTUATORS],
 ) -> [u16; ACTUATORS] {
-    let ([r0, r1, r2], [h0, h1, h2]) = (responses, heights_ulp);
-    [(r0, h0), (r1, h1), (r2, h2)].map(|(response, &height)| {
+    let code = |response: &Response, height: i32| {
         let rise = (i64::from(response.slope) * i64::from(height)) >> SLOPE_BITS;
         // Up to 2^31 - 2^15 within the limits, but for the last bits of the product.
         let v = positive(response.offset.wrapping_add(rise as i32)) as u32;
         let code = match law {
             Law::Linear => (v + (1 << (14 + spare_bits))) >> (15 + spare_bits),
             Law::Quadratic => {
-                let (root, up) = fixed::square_root(v << 1);
-                // Rounded once: the half below the root's last bit counts only where none is
-                // dropped.
-                (root + ((1 << spare_bits) >> 1) + up * u32::from(spare_bits == 0)) >> spare_bits
+                // n - 1/2 <= sqrt(v) / 2^s where v / 4^s >= n^2 - n + 1/4: three quarters more make
+                // the lower bits' part in that known before they are dropped.
+                let quarters = 3 * ((1 << (2 * spare_bits)) >> 2);
+                fixed::square_root(((v << 1) + quarters) >> (2 * spare_bits))
             }
         };
         // Rounding up at the very top is the only way past the highest code, to the next.
         (code - (code >> (16 - spare_bits))) as u16
-    })
+    };
+    let ([r0, r1, r2], [h0, h1, h2]) = (responses, *heights_ulp);
+    [code(r0, h0), code(r1, h1), code(r2, h2)]
 }

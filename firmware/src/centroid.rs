@@ -232,10 +232,16 @@ pub(crate) fn floored_moments<const N: usize>(
     cut: Cut,
 ) -> RowSums {
     #[cfg(target_arch = "riscv32")]
-    if let Some(rows) = crate::dsp::rv32::Rows::<N>::new(raw, stride, floor, cut) {
-        return rows.sums(cut);
+    if let Some(rows) = crate::dsp::Rows::<N>::new(raw, stride, floor)
+        && crate::dsp::rv32::takes(&rows, cut)
+    {
+        return crate::dsp::rv32::sums(rows, cut);
     }
-    sum_rows(raw, stride, floor, size, |raw, floor| floored_row_moments::<N>(raw, floor, cut))
+    #[cfg(armv7em)]
+    if let Some(rows) = crate::dsp::Rows::<N>::new(raw, stride, floor) {
+        return crate::dsp::armv7em::sums(rows, cut);
+    }
+    sum_rows(raw, stride, floor, size, |raw, floor| floored_row_moments(raw, floor, cut))
 }
 
 /// [`floored_moments`] without vector instructions.
@@ -267,17 +273,12 @@ fn sum_rows(
     sums
 }
 
-/// Sum and x moment of one raw window row of a bank that has only floors. `N` is half the window's
-/// size, or 0 for any.
+/// Sum and x moment of one raw window row of a bank that has only floors.
 #[inline(always)]
-fn floored_row_moments<const N: usize>(raw: &[u16], floor: &[u16], cut: Cut) -> (u32, i32) {
+fn floored_row_moments(raw: &[u16], floor: &[u16], cut: Cut) -> (u32, i32) {
     #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
     if raw.len().is_multiple_of(crate::dsp::sse2::LANES) {
         return crate::dsp::sse2::floored_row_moments(raw, floor, cut);
-    }
-    #[cfg(armv7em)]
-    if let Some((raw, floor)) = crate::dsp::packed::<N>(raw, floor) {
-        return crate::dsp::armv7em::row_moments(raw, floor, cut);
     }
     portable_floored_row_moments(raw, floor, cut)
 }
@@ -309,25 +310,27 @@ pub(crate) fn note_floored<const N: usize>(
     seen: &mut Seen,
 ) {
     #[cfg(target_arch = "riscv32")]
-    if let Some(rows) = crate::dsp::rv32::Rows::<N>::new(raw, stride, floor, cut) {
-        return rows.note(cut, seen);
+    if let Some(rows) = crate::dsp::Rows::<N>::new(raw, stride, floor)
+        && crate::dsp::rv32::takes(&rows, cut)
+    {
+        return crate::dsp::rv32::note(rows, cut, seen);
+    }
+    #[cfg(armv7em)]
+    if let Some(rows) = crate::dsp::Rows::<N>::new(raw, stride, floor) {
+        return crate::dsp::armv7em::note(rows, cut, seen);
     }
     for (raw, floor) in raw.chunks(stride.max(1)).zip(floor.chunks_exact(size.max(1))) {
         if let Some(raw) = raw.get(..size) {
-            note_floored_row::<N>(raw, floor, cut, seen);
+            note_floored_row(raw, floor, cut, seen);
         }
     }
 }
 
 #[inline(always)]
-fn note_floored_row<const N: usize>(raw: &[u16], floor: &[u16], cut: Cut, seen: &mut Seen) {
+fn note_floored_row(raw: &[u16], floor: &[u16], cut: Cut, seen: &mut Seen) {
     #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
     if raw.len().is_multiple_of(crate::dsp::sse2::LANES) {
         return crate::dsp::sse2::note_floored(raw, floor, cut, seen);
-    }
-    #[cfg(armv7em)]
-    if let Some((raw, floor)) = crate::dsp::packed::<N>(raw, floor) {
-        return crate::dsp::armv7em::note(raw, floor, cut, seen);
     }
     seen.note(signals(raw, floor, cut), raw, cut);
 }

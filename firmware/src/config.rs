@@ -15,9 +15,10 @@ use crate::geometry::{Grid, Mask};
 use crate::omega;
 use crate::pixels::Bank;
 use crate::quantise::Quantiser;
+use crate::redblack::{Place, RedBlack};
 use crate::segments::{ACTUATORS, Segment, Travel};
 use crate::slopes::SlopeCalibration;
-use crate::sor::{Links, Node, SorConfig};
+use crate::sor::{Coupling, Node, SorConfig};
 use crate::spec::{SorSpec, Spec};
 use crate::validate;
 use serde::{Deserialize, Serialize};
@@ -63,7 +64,8 @@ pub struct Config<const M: usize, const P: usize, const B: usize> {
     pub(crate) slopes: heapless::Vec<SlopeCalibration, M>,
     pub(crate) gain_exponent: u32,
     pub(crate) control: ControlConfig,
-    pub(crate) gains: heapless::Vec<Gains, M>,
+    /// Per node; zero where there is no subaperture.
+    pub(crate) gains: RedBlack<Gains, M>,
     pub(crate) tilt_max_age: u32,
     pub(crate) nodes: heapless::Vec<Node, M>,
     pub(crate) sor: SorConfig<M>,
@@ -104,7 +106,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             slopes: heapless::Vec::new(),
             gain_exponent: 0,
             control: ControlConfig { mean: crate::slopes::MeanSlope::Remove, delay: 0 },
-            gains: heapless::Vec::new(),
+            gains: RedBlack::new(Gains { keep: 0, take: 0 }),
             tilt_max_age: 0,
             nodes: heapless::Vec::new(),
             sor: SorConfig::EMPTY,
@@ -162,11 +164,12 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.timing = timing;
         self.lsb_m = quantiser.lsb_m;
         self.adu_per_unit = quantiser.adu_per_unit;
+        self.fill_nodes(&spec.mask);
         self.fill_subapertures(&quantiser, spec)?;
         self.fill_bank(&quantiser, spec);
         self.travel = Travel::new(quantiser.ratio_bits, slew_ulp, &self.segments);
         self.short_sums = self.sums_are_short();
-        self.fill_sor(&spec.mask, &spec.sor);
+        self.fill_sor(spec.mask.across(), &spec.sor);
         Ok(())
     }
 
@@ -187,7 +190,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.slots.clear();
         self.base_thresholds.clear();
         self.slopes.clear();
-        self.gains.clear();
+        self.gains.fill(Gains::default());
         self.segments.clear();
         self.responses.clear();
     }
@@ -201,7 +204,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             let _ = self.slots.push(Slot { x0, y0, subaperture: i as u16 });
             let _ = self.base_thresholds.push(q.base_threshold([x0, y0]));
             let _ = self.slopes.push(q.slope(i)?);
-            let _ = self.gains.push(q.gains(i)?);
+            self.set_gains(i, q.gains(i)?);
             let _ = self.segments.push(segment);
             let _ = self.responses.push(responses);
         }
@@ -222,22 +225,29 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         }
     }
 
-    pub(crate) fn fill_sor(&mut self, mask: &Mask, spec: &SorSpec) {
+    /// The gains of a subaperture whose node there is.
+    pub(crate) fn set_gains(&mut self, i: usize, gains: Gains) {
+        if let Some(place) = self.nodes.get(i).and_then(|node| self.gains.get_mut(node.place)) {
+            *place = gains;
+        }
+    }
+
+    /// Where the subapertures are on the solver's grid, and what belongs together.
+    pub(crate) fn fill_nodes(&mut self, mask: &Mask) {
         let grid = Grid::new(mask.across());
         let sor = &mut self.sor;
         sor.grid = grid;
-        sor.step.fill(0);
-        sor.links.fill(Links::NONE);
+        sor.couplings.fill(Coupling::NONE);
         self.nodes.clear();
         for (x, y) in mask.cells() {
-            let padded = grid.node(x, y) as u16;
+            let place = Place::new::<M>(grid.node(x, y));
             let centre = [x, y].map(|i| (2 * i as i32 - (mask.across() as i32 - 1)) as i8);
-            let _ = self.nodes.push(Node { padded, component: u16::MAX, centre });
+            let _ = self.nodes.push(Node { place, component: u16::MAX, centre });
             let west = x > 0 && mask.contains(x - 1, y);
             let north = y > 0 && mask.contains(x, y - 1);
             let links = [west, mask.contains(x + 1, y), north, mask.contains(x, y + 1)];
-            if let Some(place) = sor.links.get_mut(padded) {
-                *place = Links::new(links);
+            if let Some(coupling) = sor.couplings.get_mut(place) {
+                *coupling = Coupling::new(links);
             }
         }
         label_components(&mut self.nodes, &grid);
@@ -249,16 +259,20 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             }
             let _ = sor.sizes.push(size as u16);
         }
+    }
+
+    /// The relaxation of those nodes.
+    pub(crate) fn fill_sor(&mut self, across: usize, spec: &SorSpec) {
+        let sor = &mut self.sor;
         self.omega = spec.omega.unwrap_or_else(|| omega::optimal(sor, &self.nodes));
-        let sweeps = spec.sweeps.unwrap_or_else(|| omega::sweeps(self.omega, mask.across()));
+        let sweeps = spec.sweeps.unwrap_or_else(|| omega::sweeps(self.omega, across));
         sor.warm_sweeps = sweeps;
         sor.cold_sweeps = spec.cold_sweeps.unwrap_or(COLD.saturating_mul(sweeps));
         for node in &self.nodes {
-            let degree = sor.links.get(node.padded).map_or(0, |links| links.degree());
-            let step = if degree == 0 { 0.0 } else { self.omega / f64::from(degree) };
-            if let Some(place) = sor.step.get_mut(node.padded) {
+            if let Some(coupling) = sor.couplings.get_mut(node.place) {
+                let step = self.omega / f64::from(coupling.degree().max(1));
                 // omega < 2 keeps Q30 inside i32; the cast saturates.
-                *place = libm::round(step * f64::from(1 << 30)) as i32;
+                *coupling = coupling.with_step(libm::round(step * f64::from(1 << 30)) as i32);
             }
         }
     }
@@ -352,15 +366,16 @@ fn label_components<const M: usize>(nodes: &mut heapless::Vec<Node, M>, grid: &G
         // Subapertures found and not yet looked around from: each enters once.
         let mut found = heapless::Vec::<u16, M>::new();
         let visit = |nodes: &mut [Node], found: &mut heapless::Vec<u16, M>, padded: usize| {
-            let place = nodes.binary_search_by_key(&padded, |node| usize::from(node.padded));
+            let place = nodes.binary_search_by_key(&padded, |node| node.place.padded::<M>());
             if let Some(node) = place.ok().and_then(|i| nodes.get_mut(i))
                 && node.component == u16::MAX
             {
                 node.component = components;
-                let _ = found.push(node.padded);
+                // Below 2 x 1600.
+                let _ = found.push(padded as u16);
             }
         };
-        let start = nodes.get(first).map_or(0, |node| usize::from(node.padded));
+        let start = nodes.get(first).map_or(0, |node| node.place.padded::<M>());
         visit(nodes, &mut found, start);
         while let Some(padded) = found.pop() {
             let f = usize::from(padded);

@@ -14,16 +14,22 @@
 //! subaperture takes the mean x of its valid neighbours or, without one, holds: it never
 //! integrates on its own.
 //!
-//! **Scaling and overflow.** Slopes, state and commands are i32 ulp within +-2^23, what the mirror
-//! showed less a global tilt within +-2^24, so |x| < 2^25, and < 2^26 after the mean is off; coefficients are Q13 i16 within +-4; products i64, rounded once,
-//! saturated to +-2^23. The mean is the sum (below 1600 x 2^25 < 2^36) times the floor of 2^24 /
-//! count: low by less than 1e-4 of itself, far below what the next frame removes again.
+//! The slopes come one by one as windows end ([`Taking::take`]); what needs all of them is left for
+//! [`Control::update`].
+//!
+//! **Scaling and overflow.** Slopes and commands are i32 ulp within +-2^23, what the mirror showed less
+//! a global tilt within +-2^24, so |x| <= 3 x 2^23, and twice that at most after a mean is off. x is kept
+//! times 8, in its low bits whether it was measured, so that the sum over four neighbours (below
+//! 3 x 2^28 + 5) counts them as well. Coefficients are Q13 i16 within +-4, hence c' before its mean and
+//! limit below 2^28; each of its two products is one multiply-high that leaves two bits to round on. c'
+//! is within 1 ulp of the exact sum, and c where x = c and f = 1. The mean is the sum (below
+//! 1600 x 2^28 < 2^39) times the floor of 2^24 / count: low by less than 1e-4 of itself, far below
+//! what the next frame removes again.
 
 use crate::fixed::{self, TILT_LIMIT, mul_high};
 use crate::geometry::Grid;
-use crate::redblack::{COLOURS, RedBlack};
+use crate::redblack::{COLOURS, Place, RedBlack};
 use crate::slopes::{MeanSlope, Slope};
-use crate::sor::Node;
 use serde::{Deserialize, Serialize};
 
 /// Fraction bits of the control coefficients.
@@ -32,7 +38,7 @@ pub(crate) const GAIN_BITS: u32 = 13;
 pub const MAX_DELAY: usize = 3;
 
 /// The coefficients of one subaperture, Q13.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Gains {
     /// 1 - g.
     pub(crate) keep: i16,
@@ -52,146 +58,123 @@ pub(crate) struct ControlConfig {
 /// The integrator's state and the commands' recent past.
 #[derive(Debug)]
 pub(crate) struct Control<const M: usize> {
-    /// c per subaperture, ulp.
-    command: [[i32; 2]; M],
+    /// c per node, ulp; zero where there is no subaperture.
+    command: RedBlack<[i32; 2], M>,
     /// What the mirror showed in the last frames, a ring; `newest` is its head.
     applied: [[[i32; 2]; M]; HISTORY],
     newest: usize,
-    /// Tip and tilt on the padded grid: x where it was measured, then c.
-    field: [RedBlack<i32, M>; 2],
-    /// Tip and tilt that a subaperture without a measurement gets from its neighbours; zero
-    /// elsewhere.
-    filled: [RedBlack<i32, M>; 2],
-    /// [`MEASURED`], [`GAP`] or zero, per padded node.
-    status: RedBlack<i32, M>,
-    /// 1 for a subaperture that got something from its neighbours, else 0.
-    fed: RedBlack<u8, M>,
+    /// Of the frame being read: 8 x per node, the tip's with [`MEASURED`] in it; zero where nothing
+    /// was measured.
+    open_loop: RedBlack<[i32; 2], M>,
+    /// Of the frame being read: the sums of x, and how many.
+    sums: [i64; 2],
+    valid: u32,
 }
 
 /// Length of the ring of applied commands: a power of two, so that its head wraps by a mask.
 const HISTORY: usize = MAX_DELAY + 1;
 
-/// Status of a subaperture that was measured in this frame: four of them add up in the lower half.
+/// Bits by which x is shifted up in [`Control::open_loop`].
+const GUARD_BITS: u32 = 3;
+/// What a measured subaperture's 8 x has in its low bits.
 const MEASURED: i32 = 1;
-/// Status of a subaperture that was not.
-const GAP: i32 = 1 << 16;
+/// Those bits, of one node or of a sum over four.
+const COUNT: i32 = (1 << GUARD_BITS) - 1;
 
-/// Floor of 2^29 / n for the mean over up to four neighbours; 0 for none.
-const INVERSE: [i32; 5] = [0, 1 << 29, 1 << 28, (1 << 29) / 3, 1 << 27];
-/// Bits by which a sum of four x is shifted up, so that the upper half of its product with
-/// [`INVERSE`] is their mean.
-const INVERSE_SHIFT: u32 = 3;
+/// Floor of 2^29 / n for the mean over up to four neighbours, of which the upper half of its product
+/// with a sum of 8 x is; 0 for none.
+const INVERSE: [i32; 8] = [0, 1 << 29, 1 << 28, (1 << 29) / 3, 1 << 27, 0, 0, 0];
+
+/// The part of a 32-bit coefficient that a shift of 16 leaves for the other factor: see `next`.
+const COEFFICIENT_SHIFT: u32 = 16;
+/// Bits of c' that its two products keep below the point.
+const ROUND_BITS: u32 = 2;
 
 impl<const M: usize> Control<M> {
     pub(crate) const fn new() -> Self {
         Self {
-            command: [[0; 2]; M],
+            command: RedBlack::new([0; 2]),
             applied: [[[0; 2]; M]; HISTORY],
             newest: 0,
-            field: [const { RedBlack::new(0) }; 2],
-            filled: [const { RedBlack::new(0) }; 2],
-            status: RedBlack::new(0),
-            fed: RedBlack::new(0),
+            open_loop: RedBlack::new([0; 2]),
+            sums: [0; 2],
+            valid: 0,
         }
     }
 
-    /// Takes one frame of slopes and leaves the new commands in [`Control::field`].
+    /// Forgets the slopes of an unfinished frame.
+    pub(crate) fn begin(&mut self) {
+        self.sums = [0; 2];
+        self.valid = 0;
+    }
+
+    /// Ready to take slopes of the frame being read.
+    pub(crate) fn taking(&mut self, config: &ControlConfig) -> Taking<'_, M> {
+        let exposed = (self.newest + usize::from(config.delay)) % HISTORY;
+        Taking {
+            applied: self.applied.get(exposed).map_or(&[], |frame| frame),
+            open_loop: &mut self.open_loop,
+            sums: &mut self.sums,
+            valid: &mut self.valid,
+        }
+    }
+
+    /// Makes the new commands of the slopes that were taken since [`Control::begin`].
     ///
-    /// `slopes`, `gains` and `nodes` are in subaperture order.
+    /// A subaperture that was not measured takes the mean x of its measured neighbours, rounded down,
+    /// and holds where they have none.
+    ///
+    /// Not inlined: its loops need all registers.
+    #[inline(never)]
     pub(crate) fn update(
         &mut self,
         config: &ControlConfig,
         grid: &Grid,
-        slopes: &[Slope],
-        gains: &[Gains],
-        nodes: &[Node],
+        gains: &RedBlack<Gains, M>,
     ) {
-        let exposed = (self.newest + usize::from(config.delay)) % HISTORY;
-        let exposed = self.applied.get(exposed).map_or(&[][..], |frame| frame);
-        let mut valid_count = 0u32;
+        let inverse = removal(config.mean, self.valid);
+        let [mean_x, mean_y] = self.sums.map(|sum| mean(sum, inverse));
         let mut sums = [0i64; 2];
-        for ((slope, applied), node) in slopes.iter().zip(exposed).zip(nodes) {
-            let valid = i32::from(slope.valid);
-            valid_count += valid as u32;
-            put(&mut self.status, *node, valid * MEASURED + (1 - valid) * GAP);
-            let terms = slope.tilt_ulp.iter().zip(applied).zip(&mut self.field).zip(&mut sums);
-            for (((&s, &applied), field), sum) in terms {
-                let x = s.wrapping_add(applied).wrapping_mul(valid);
-                put(field, *node, x);
-                *sum = sum.wrapping_add(i64::from(x));
-            }
-        }
-        let inverse = removal(config.mean, valid_count);
-        for (field, sum) in self.field.iter_mut().zip(sums) {
-            let mean = mean(sum, inverse);
-            for (slope, node) in slopes.iter().zip(nodes) {
-                if let Some(x) = field.get_mut(node.padded) {
-                    // Only what was measured: a gap stays zero.
-                    *x = x.wrapping_sub(mean.wrapping_mul(i32::from(slope.valid)));
-                }
-            }
-        }
-        self.fill_gaps(grid);
-        self.integrate(slopes, gains, nodes, inverse);
-    }
-
-    /// Gives every subaperture that was not measured the mean x of its measured neighbours, rounded
-    /// down.
-    ///
-    /// One pass: a filled subaperture feeds none, since `field` is zero where nothing was measured.
-    fn fill_gaps(&mut self, grid: &Grid) {
-        let [filled_tip, filled_tilt] = &mut self.filled;
-        let [tip, tilt] = &self.field;
         for colour in COLOURS {
-            let status = self.status.nodes(grid, colour).iter();
-            let status = status.zip(self.status.sides(grid, colour).iter());
-            let x = tip.sides(grid, colour).iter().zip(tilt.sides(grid, colour).iter());
-            let filled_tip = filled_tip.nodes_mut(grid, colour).iter_mut();
-            let filled = filled_tip.zip(filled_tilt.nodes_mut(grid, colour));
-            let filled = filled.zip(self.fed.nodes_mut(grid, colour));
-            for (((&status, beside), (tip, tilt)), ((filled_tip, filled_tilt), fed)) in
-                status.zip(x).zip(filled)
+            let around = self.open_loop.sides(grid, colour).iter();
+            let open_loop = self.open_loop.nodes(grid, colour).iter().zip(around);
+            let commands = self.command.nodes_mut(grid, colour).iter_mut();
+            for ((command, gains), (&[x, y], around)) in
+                commands.zip(gains.nodes(grid, colour)).zip(open_loop)
             {
-                let count = sum(beside) & (GAP - 1);
-                let inverse = INVERSE.get(count as usize).copied().unwrap_or(0);
-                let weight = inverse.wrapping_mul(status / GAP);
-                *fed = u8::from(weight > 0);
-                // |x| < 2^26: four of them, shifted, stay below 2^31.
-                *filled_tip = mul_high(sum(tip) << INVERSE_SHIFT, weight);
-                *filled_tilt = mul_high(sum(tilt) << INVERSE_SHIFT, weight);
+                if !gains.present() {
+                    continue;
+                }
+                let [[xw, yw], [xe, ye], [xn, yn], [xs, ys]] = around;
+                let (around_x, around_y) = (sum([xw, xe, xn, xs]), sum([yw, ye, yn, ys]));
+                let valid = x & MEASURED;
+                let count = around_x & COUNT;
+                let weight = INVERSE.get(count as usize).map_or(0, |inverse| inverse & (valid - 1));
+                // All ones where x is known.
+                let known = 0i32.wrapping_sub(valid) | (0i32.wrapping_sub(weight) >> 31);
+                let x = (x >> GUARD_BITS).wrapping_add(mul_high(around_x & !COUNT, weight));
+                let y = (y >> GUARD_BITS).wrapping_add(mul_high(around_y, weight));
+                let step = |c: i32, x: i32, mean: i32| {
+                    let next = gains.next(c, x.wrapping_sub(mean));
+                    c.wrapping_add(next.wrapping_sub(c) & known)
+                };
+                let [c, d] = *command;
+                let (c, d) = (step(c, x, mean_x), step(d, y, mean_y));
+                *command = [c, d];
+                let [sum_c, sum_d] = &mut sums;
+                *sum_c = sum_c.wrapping_add(i64::from(c.wrapping_mul(valid)));
+                *sum_d = sum_d.wrapping_add(i64::from(d.wrapping_mul(valid)));
             }
         }
-    }
-
-    /// The state's step, its mean's removal, and the state into the field.
-    ///
-    /// A subaperture without a measurement holds where its neighbours have none either: their mean
-    /// is then zero, and so is what they are weighted with.
-    fn integrate(&mut self, slopes: &[Slope], gains: &[Gains], nodes: &[Node], inverse: i64) {
-        let mut sums = [0i64; 2];
-        for (((slope, gain), node), command) in
-            slopes.iter().zip(gains).zip(nodes).zip(&mut self.command)
-        {
-            let valid = i32::from(slope.valid);
-            let known = valid | self.fed.get(node.padded).map_or(0, |&fed| i32::from(fed));
-            let x = self.field.iter().zip(&self.filled).map(|(field, filled)| {
-                let at = |field: &RedBlack<i32, M>| field.get(node.padded).copied().unwrap_or(0);
-                at(field).wrapping_add(at(filled))
-            });
-            for ((c, x), sum) in command.iter_mut().zip(x).zip(&mut sums) {
-                let next =
-                    i64::from(gain.keep) * i64::from(*c) + i64::from(gain.take) * i64::from(x);
-                // Within 2^29.
-                let next = fixed::clamp(fixed::round_shift(next, GAIN_BITS) as i32, TILT_LIMIT);
-                *c = c.wrapping_add(next.wrapping_sub(*c).wrapping_mul(known));
-                *sum = sum.wrapping_add(i64::from(c.wrapping_mul(valid)));
-            }
-        }
-        let means = sums.map(|sum| mean(sum, inverse));
-        for (node, command) in nodes.iter().zip(&mut self.command) {
-            for ((c, field), mean) in command.iter_mut().zip(&mut self.field).zip(means) {
-                *c = fixed::clamp(c.wrapping_sub(mean), TILT_LIMIT);
-                put(field, *node, *c);
+        let [mean_c, mean_d] = sums.map(|sum| mean(sum, inverse));
+        for colour in COLOURS {
+            let commands = self.command.nodes_mut(grid, colour).iter_mut();
+            for (command, gains) in commands.zip(gains.nodes(grid, colour)) {
+                if gains.present() {
+                    let [c, d] = *command;
+                    let less = |c: i32, mean: i32| fixed::clamp(c.wrapping_sub(mean), TILT_LIMIT);
+                    *command = [less(c, mean_c), less(d, mean_d)];
+                }
             }
         }
     }
@@ -218,38 +201,80 @@ impl<const M: usize> Control<M> {
         self.newest = (self.newest + HISTORY - 1) % HISTORY;
     }
 
-    /// Tip and tilt commands on the padded grid, ulp; zero where there is no subaperture.
-    pub(crate) fn field(&self) -> &[RedBlack<i32, M>; 2] {
-        &self.field
+    /// Tip and tilt commands without the global tilt on the padded grid, ulp; zero where there is no
+    /// subaperture.
+    pub(crate) const fn commands(&self) -> &RedBlack<[i32; 2], M> {
+        &self.command
     }
 
-    /// Tip and tilt commands per subaperture without the global tilt, ulp.
-    pub(crate) fn commands(&self) -> &[[i32; 2]] {
-        &self.command
+    /// Subapertures with a valid slope in the frame being read.
+    pub(crate) const fn valid(&self) -> u32 {
+        self.valid
     }
 
     /// Forgets state and past: flat commands.
     pub(crate) fn reset(&mut self) {
-        self.command = [[0; 2]; M];
+        self.begin();
         self.applied = [[[0; 2]; M]; HISTORY];
         // Another mask may follow: what it leaves out has to be zero.
-        self.field.iter_mut().for_each(|field| field.fill(0));
-        self.filled.iter_mut().for_each(|field| field.fill(0));
-        self.status.fill(0);
-        self.fed.fill(0);
+        self.command.fill([0; 2]);
+        self.open_loop.fill([0; 2]);
+    }
+}
+
+/// Where the slopes of a frame go.
+pub(crate) struct Taking<'a, const M: usize> {
+    applied: &'a [[i32; 2]],
+    open_loop: &'a mut RedBlack<[i32; 2], M>,
+    sums: &'a mut [i64; 2],
+    valid: &'a mut u32,
+}
+
+impl<const M: usize> Taking<'_, M> {
+    /// Takes the slope of subaperture `i`, whose node is at `place`. Every subaperture has one a frame.
+    #[inline(always)]
+    pub(crate) fn take(&mut self, i: usize, place: Place, slope: &Slope) {
+        let (Some(&[applied_tip, applied_tilt]), Some(open_loop)) =
+            (self.applied.get(i), self.open_loop.get_mut(place))
+        else {
+            return;
+        };
+        let valid = i32::from(slope.valid);
+        let [s, t] = slope.tilt_ulp;
+        let x = s.wrapping_add(applied_tip).wrapping_mul(valid);
+        let y = t.wrapping_add(applied_tilt).wrapping_mul(valid);
+        *open_loop = [(x << GUARD_BITS).wrapping_add(MEASURED * valid), y << GUARD_BITS];
+        let [sum_x, sum_y] = &mut self.sums;
+        *sum_x = sum_x.wrapping_add(i64::from(x));
+        *sum_y = sum_y.wrapping_add(i64::from(y));
+        *self.valid = self.valid.wrapping_add(valid as u32);
+    }
+}
+
+impl Gains {
+    /// Whether there is a subaperture: with g > 0 and f > 0 none takes nothing.
+    #[inline(always)]
+    const fn present(self) -> bool {
+        self.take != 0
+    }
+
+    /// keep c + take x, rounded; both are below 2^26.
+    #[inline(always)]
+    fn next(self, c: i32, x: i32) -> i32 {
+        // Q13 2^16 x 2^5 / 2^32 = 4 x.
+        const UP: u32 = 32 - COEFFICIENT_SHIFT - GAIN_BITS + ROUND_BITS;
+        let product =
+            |gain: i16, value: i32| mul_high(i32::from(gain) << COEFFICIENT_SHIFT, value << UP);
+        // One more than half: each product has been rounded down by half of one on average.
+        const HALF: i32 = (1 << ROUND_BITS >> 1) + 1;
+        let sum = product(self.keep, c).wrapping_add(product(self.take, x));
+        sum.wrapping_add(HALF) >> ROUND_BITS
     }
 }
 
 #[inline(always)]
 fn sum([west, east, north, south]: [i32; 4]) -> i32 {
     west.wrapping_add(east).wrapping_add(north).wrapping_add(south)
-}
-
-#[inline(always)]
-fn put<const M: usize>(field: &mut RedBlack<i32, M>, node: Node, value: i32) {
-    if let Some(place) = field.get_mut(node.padded) {
-        *place = value;
-    }
 }
 
 /// Floor of 2^24 / count, or zero where the mean stays.

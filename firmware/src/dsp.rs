@@ -33,17 +33,48 @@ fn words(pixels: &[u16]) -> Option<&[u32]> {
     Some(unsafe { core::slice::from_raw_parts(pixels.as_ptr().cast(), pixels.len() / 2) })
 }
 
-/// A row and its floors as `N` words each; `None` unless they are.
-#[cfg(any(armv7em, test))]
-#[inline(always)]
-pub(crate) fn packed<'a, const N: usize>(
-    raw: &'a [u16],
-    floor: &'a [u16],
-) -> Option<(&'a [u32; N], &'a [u32; N])> {
-    if N == 0 || raw.len() != 2 * N || floor.len() != 2 * N {
-        return None;
+/// Consecutive rows of a window in words, two pixels each, and their floors.
+#[cfg(any(target_arch = "riscv32", armv7em, test))]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rows<'a, const N: usize> {
+    /// From the first word of the first row to the last of the last one at least.
+    raw: &'a [u32],
+    /// Words from one row to the next.
+    stride: usize,
+    floor: &'a [[u32; N]],
+}
+
+#[cfg(any(target_arch = "riscv32", armv7em, test))]
+impl<'a, const N: usize> Rows<'a, N> {
+    /// The rows of `floor`; those of `raw` are `stride` pixels apart. `None` where a row does not start
+    /// at a word's address, or is missing.
+    #[inline(always)]
+    pub(crate) fn new(raw: &'a [u16], stride: usize, floor: &'a [u16]) -> Option<Self> {
+        if N == 0 || stride < 2 * N || !stride.is_multiple_of(2) {
+            return None;
+        }
+        let (raw, stride) = (words(raw)?, stride / 2);
+        let (floor, _) = words(floor)?.as_chunks();
+        let last = floor.len().saturating_sub(1).checked_mul(stride)?;
+        (raw.len() >= last.checked_add(N)?).then_some(Self { raw, stride, floor })
     }
-    Some((words(raw)?.first_chunk()?, words(floor)?.first_chunk()?))
+
+    /// How many they are.
+    #[inline(always)]
+    pub(crate) const fn count(&self) -> usize {
+        self.floor.len()
+    }
+
+    /// Hands over one row after the other, with its floors.
+    #[cfg_attr(target_arch = "riscv32", allow(dead_code, reason = "its kernel loops by itself"))]
+    #[inline(always)]
+    fn each(self, mut each: impl FnMut(&[u32; N], &[u32; N])) {
+        for (raw, floor) in self.raw.chunks(self.stride.max(1)).zip(self.floor) {
+            if let Some(raw) = raw.first_chunk() {
+                each(raw, floor);
+            }
+        }
+    }
 }
 
 /// The first two lanes in a word, the first in the lower half.
@@ -65,10 +96,13 @@ fn put_word<const N: usize>(lanes: &mut [u16; N], word: u32) {
 
 #[cfg(test)]
 mod tests {
-    use crate::centroid::{portable_floored_row_moments, signals};
+    use super::Rows;
+    use crate::centroid::{
+        RowSums, portable_floored_moments, portable_floored_row_moments, signals,
+    };
     use crate::pixels::{Convention, Cut, Seen};
 
-    /// Kernels against their portable twins.
+    /// Kernels of one row against their portable twins.
     pub(super) fn compare(
         raw: &[u16],
         floor: &[u16],
@@ -86,6 +120,65 @@ mod tests {
             note(&mut found);
             assert_eq!(found.all(), expected.all(), "{}", context());
         }
+    }
+
+    /// Room between one row of a block and the next, pixels.
+    const GAP: usize = 6;
+
+    /// Kernels of several rows, 1 to as many as a square window has, against their portable twins.
+    pub(super) fn agree<const N: usize>(
+        top: u16,
+        sums: fn(Rows<'_, N>, Cut) -> RowSums,
+        note: fn(Rows<'_, N>, Cut, &mut Seen),
+    ) {
+        let (size, stride) = (2 * N, 2 * N + GAP);
+        // Words, so that they start at a word's address.
+        let (mut raw, mut floor) = (Vec::new(), Vec::new());
+        let mut longest = 1;
+        rows(size, top, |row, floors, cut| {
+            let pairs = |pixels: &[u16]| -> Vec<u32> {
+                let (pairs, _) = pixels.as_chunks::<2>();
+                pairs.iter().map(|&[a, b]| u32::from(a) | u32::from(b) << 16).collect()
+            };
+            raw.extend(pairs(row));
+            floor.extend(pairs(floors));
+            if floor.len() == longest * N {
+                let (raw_halves, floor_halves) = (halves(&raw), halves(&floor));
+                let context = || format!("{raw_halves:?} {floor_halves:?} {cut:?}");
+                let rows = Rows::<N>::new(raw_halves, stride, floor_halves).expect("words");
+                let expected =
+                    portable_floored_moments(raw_halves, stride, floor_halves, size, cut);
+                assert_eq!(sums(rows, cut), expected, "{}", context());
+                let (mut noted, mut expected) = (Seen::NOTHING, Seen::NOTHING);
+                // Twice: rows add to what was seen before.
+                for _ in 0..2 {
+                    note(rows, cut, &mut noted);
+                    for (raw, floor) in raw_halves.chunks(stride).zip(floor_halves.chunks(size)) {
+                        expected.note(signals(&raw[..size], floor, cut), &raw[..size], cut);
+                    }
+                    assert_eq!(noted.all(), expected.all(), "{}", context());
+                }
+                raw.clear();
+                floor.clear();
+                longest = longest % size + 1;
+            } else {
+                // White, so that whatever looks between the rows is seen to.
+                raw.extend([u32::MAX; GAP / 2]);
+            }
+        });
+    }
+
+    #[test]
+    fn rows_are_words() {
+        let (raw, floor) = ([0u32; 32], [0u32; 32]);
+        let (raw, floor) = (halves(&raw), halves(&floor));
+        let is_there = |raw, stride, floor| Rows::<4>::new(raw, stride, floor).is_some();
+        assert!(is_there(raw, 8, floor));
+        assert!(!is_there(&raw[1..], 8, floor), "not aligned");
+        assert!(!is_there(raw, 8, &floor[1..]), "floors not aligned");
+        assert!(!is_there(&raw[2..], 8, floor), "too short");
+        assert!(!is_there(raw, 9, floor), "later rows would not be aligned");
+        assert!(!is_there(raw, 6, floor), "rows over each other");
     }
 
     /// Rows of raw values up to `top`, word aligned, and their floors: anything, and the ends of the

@@ -16,10 +16,11 @@ pub const LENGTH_BITS: u32 = 9;
 /// Largest magnitude of a tip or tilt, ulp: 2^14 LSB centre to edge, half the stroke over a segment.
 pub const TILT_LIMIT: i32 = 1 << 23;
 
-/// Largest magnitude of a piston inside the solver, ulp: 65536 LSB, twice what a stroke can show.
+/// Largest magnitude of a piston inside the solver, ulp: 49152 LSB, three times what a stroke shows
+/// either side of its middle.
 ///
-/// With this bound and [`TILT_LIMIT`] the solver's residual stays below 2^29 (see `sor`).
-pub const PISTON_LIMIT: i32 = 1 << 25;
+/// With this bound and [`TILT_LIMIT`] the solver's residual stays below 2^28 (see `sor`).
+pub const PISTON_LIMIT: i32 = 3 << 23;
 
 /// `x / 2^n`, rounded; `1 <= n <= 62`. The caller keeps `|x| < 2^62`.
 #[inline(always)]
@@ -45,16 +46,22 @@ pub const fn positive(x: i32) -> i32 {
     x & !(x >> 31)
 }
 
+/// min(x, 0): an instruction less than [`positive`] where there is no "and not".
+#[inline(always)]
+pub const fn negative(x: i32) -> i32 {
+    x & (x >> 31)
+}
+
 /// The larger of two numbers less than 2^31 apart.
 #[inline(always)]
 pub const fn larger(a: i32, b: i32) -> i32 {
-    b.wrapping_add(positive(a.wrapping_sub(b)))
+    a.wrapping_sub(negative(a.wrapping_sub(b)))
 }
 
 /// The smaller of two numbers less than 2^31 apart.
 #[inline(always)]
 pub const fn smaller(a: i32, b: i32) -> i32 {
-    a.wrapping_sub(positive(a.wrapping_sub(b)))
+    b.wrapping_add(negative(a.wrapping_sub(b)))
 }
 
 /// `x` within `-limit ..= limit`, for `|x| + limit < 2^31`.
@@ -69,14 +76,13 @@ pub const fn mul_high(a: i32, b: i32) -> i32 {
     ((a as i64 * b as i64) >> 32) as i32
 }
 
-/// `k * r` with `k` in Q30 and `|r| < 2^29`, rounded: one signed multiply-high.
+/// `k * r` with `k` in Q30 and `|r| < 2^28`, rounded: one signed multiply-high.
 ///
-/// `r` is shifted to the top of its word first, so that the product's upper half is the answer:
-/// SMMULR on a Cortex-M7, MULH on RISC-V.
+/// `r` is shifted to the top of its word first, so that the product's upper half is twice the answer,
+/// rounded down: SMMUL on a Cortex-M7, MULH on RISC-V. Halving that rounds as if nothing had been lost.
 #[inline(always)]
 pub const fn mul_q30(k: i32, r: i32) -> i32 {
-    let wide = k as i64 * (r.wrapping_shl(2)) as i64;
-    (wide.wrapping_add(1 << 31) >> 32) as i32
+    mul_high(k, r.wrapping_shl(3)).wrapping_add(1) >> 1
 }
 
 /// `floor(2^48 / divisor)` for `1 <= divisor < 2^26`; a zero divisor counts as one.
@@ -164,47 +170,80 @@ pub fn ratio_q16(num: u32, den: u32) -> u32 {
     (whole << 16) + (high << 6) + low
 }
 
-/// The square-root table: `round(sqrt(2^24 i))` at `i = 64 ..= 256`.
-const ROOT_TABLE: [u32; 193] = root_table();
+/// Cells of the square-root table over 2^32.
+const ROOT_CELLS: usize = 512;
+/// Bits of an argument below its cell.
+const ROOT_FRACTION: u32 = 23;
+/// Bits of an entry that hold the root's rise over its cell.
+const RISE_BITS: u32 = 12;
 
-const fn root_table() -> [u32; 193] {
-    let mut table = [0; 193];
-    let mut i = 0;
-    while i < table.len() {
-        let v = (i as u64 + 64) << 24;
-        let floor = v.isqrt();
-        table[i] = (floor + (v > floor * floor + floor) as u64) as u32;
-        i += 1;
+/// Roots of the cells' starts and their rises, for arguments from 2^28 on.
+///
+/// A root is stored 3/4 high: what follows from it is low by up to 1/2 for the chord and up to 1 for
+/// rounding down. The last cell's rise is short, so that no result is above 65535.
+static ROOTS: [u32; ROOT_CELLS] = roots();
+
+const fn roots() -> [u32; ROOT_CELLS] {
+    // round(sqrt(2^23 cell) + 3/4), with two bits more to round on.
+    const fn root(cell: u64) -> u64 {
+        ((cell << (ROOT_FRACTION + 4)).isqrt() + 3 + 2) >> 2
+    }
+    let mut table = [0; ROOT_CELLS];
+    let mut cell = 32;
+    while cell < ROOT_CELLS as u64 {
+        let low = root(cell);
+        let next = root(cell + 1);
+        let high = if next > 65_536 { 65_536 } else { next };
+        table[cell as usize] = (low as u32) << RISE_BITS | (high - low) as u32;
+        cell += 1;
     }
     table
 }
 
-/// The square root of `v` and whether it is nearer to the next integer: its floor, and 1 if the
-/// fraction is a half or more.
-///
-/// A table of 193 roots, rounded, interpolated linearly on the normalised argument and rounded is
-/// off by less than 1.25 (a half each, and a quarter for the chord): within one of the floor. Two
-/// comparisons make it exact, and one more tells the fraction.
-#[inline]
-pub fn square_root(v: u32) -> (u32, u32) {
-    // An even shift puts the leading bit in the top two; v = 0 takes the same path.
-    let shift = (v | 1).leading_zeros() & !1;
-    let m = v.wrapping_shl(shift);
-    let index = (m >> 24).max(64) - 64;
-    let fraction = (m >> 8) & 0xffff;
-    let at = |i: u32| ROOT_TABLE.get(i as usize).copied().unwrap_or(1 << 16);
-    let (low, high) = (at(index), at(index + 1));
-    let root = low + (((high - low) * fraction + (1 << 15)) >> 16);
-    let mut r = root >> (shift / 2);
-    r -= u32::from(square(r) > u64::from(v));
-    r += u32::from(square(r + 1) <= u64::from(v));
-    // v >= (r + 1/2)^2 = r^2 + r + 1/4, that is v > r^2 + r.
-    (r, u32::from(u64::from(v) > square(r) + u64::from(r)))
+/// Leading zeros of a number that is not zero, rounded down to a multiple of four.
+#[inline(always)]
+const fn leading_nibbles(x: u32) -> u32 {
+    if cfg!(target_arch = "riscv32") {
+        // The base instruction set has no count of zeros, and the library's takes twice as long.
+        let mut x = x;
+        let mut shift = 0;
+        let mut step = 16u32;
+        while step >= 4 {
+            let zeros = ((x >> (32 - step)).wrapping_sub(1) >> 31) << step.trailing_zeros();
+            x <<= zeros;
+            shift += zeros;
+            step /= 2;
+        }
+        shift
+    } else {
+        x.leading_zeros() & !3
+    }
 }
 
+/// The integer nearest to the square root of `v`: 0 to 65536.
+///
+/// A table of roots, interpolated linearly on the argument shifted to its top nibble, is off by less
+/// than 1.25, hence by at most one from the answer n, of which n^2 - n < v <= n^2 + n: there is no tie.
 #[inline(always)]
-fn square(r: u32) -> u64 {
-    u64::from(r) * u64::from(r)
+pub fn square_root(v: u32) -> u32 {
+    // v = 0 takes the path of 1, to the same estimate.
+    let shift = leading_nibbles(v | 1);
+    let m = (v | 1).wrapping_shl(shift);
+    let cell = ROOTS.get((m >> ROOT_FRACTION) as usize % ROOT_CELLS).copied().unwrap_or(0);
+    let (root, rise) = (cell >> RISE_BITS, cell & ((1 << RISE_BITS) - 1));
+    let fraction = (m & ((1 << ROOT_FRACTION) - 1)) >> (ROOT_FRACTION - 16);
+    // 1 to 65535: r^2 + r fits.
+    let r = (root + ((rise * fraction) >> 16)) >> (shift / 2);
+    let above = r * r + r;
+    let below = above - 2 * r;
+    // Borrows in place of comparisons, which could become branches.
+    r - 1 + borrow(above, v) + borrow(below, v)
+}
+
+/// 1 where `a < b`, else 0.
+#[inline(always)]
+const fn borrow(a: u32, b: u32) -> u32 {
+    a.overflowing_sub(b).1 as u32
 }
 
 #[cfg(test)]
@@ -245,12 +284,10 @@ mod tests {
     }
 
     #[test]
-    fn square_root_is_exact() {
+    fn square_root_is_the_nearest() {
         let check = |v: u32| {
-            let (floor, up) = square_root(v);
             let root = f64::from(v).sqrt();
-            assert_eq!(f64::from(floor), root.floor(), "sqrt {v}");
-            assert_eq!(f64::from(floor + up), (root + 0.5).floor(), "sqrt {v}");
+            assert_eq!(f64::from(square_root(v)), (root + 0.5).floor(), "sqrt {v}");
         };
         // Every neighbourhood of a perfect square and of a rounding boundary, and a spread.
         for r in 0..65536u32 {
@@ -260,6 +297,13 @@ mod tests {
             }
         }
         (0..1_000_000u32).for_each(|i| check(i.wrapping_mul(2_654_435_761)));
+        // Every cell's ends.
+        for cell in 0..512u32 {
+            for shift in (0..29).step_by(4) {
+                check((cell << 23) >> shift);
+                check(((cell << 23) | 0x7f_ffff) >> shift);
+            }
+        }
     }
 
     #[test]
@@ -268,7 +312,7 @@ mod tests {
         for _ in 0..100_000 {
             x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             let k = (x >> 1) as i32;
-            let r = (x.rotate_left(9) as i32) >> 2;
+            let r = (x.rotate_left(9) as i32) >> 3;
             let exact = f64::from(k) * f64::from(r) / f64::from(1 << 30);
             assert!((f64::from(mul_q30(k, r)) - exact).abs() <= 0.5 + 1e-6);
         }

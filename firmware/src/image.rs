@@ -217,7 +217,8 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         });
         mask.rows().iter().for_each(|row| out.bytes(&row.to_le_bytes()));
         self.slots.iter().for_each(|slot| out.record(slot));
-        let slopes = self.base_thresholds.iter().zip(&self.slopes).zip(&self.gains);
+        let gains = self.nodes.iter().filter_map(|node| self.gains.get(node.place));
+        let slopes = self.base_thresholds.iter().zip(&self.slopes).zip(gains);
         let mirror = self.segments.iter().zip(&self.responses);
         for (((&base_threshold, &slope), &gains), (&segment, &responses)) in slopes.zip(mirror) {
             out.record(&Subaperture { base_threshold, slope, gains, segment, responses });
@@ -260,6 +261,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         let mask = Mask::from_fn(head.across.into(), bit)?;
         self.forget();
         self.load_head(&head, &mask)?;
+        self.fill_nodes(&mask);
         for _ in 0..mask.count() {
             self.load_slot(from.record()?, mask.count())?;
         }
@@ -290,7 +292,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             heapless::Vec::<[u16; 2], M>::from_iter(self.slots.iter().map(|s| [s.x0, s.y0]));
         self.concurrent = validate::buffer::<B>(&self.estimator, head.window.into(), &origins)?;
         self.travel = Travel::new(head.ratio_bits, head.slew_ulp, &self.segments);
-        self.fill_sor(&mask, &head.sor());
+        self.fill_sor(mask.across(), &head.sor());
         self.mask = Some(mask);
         Ok(())
     }
@@ -391,7 +393,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         segment.check(i)?;
         let _ = self.base_thresholds.push(base_threshold);
         let _ = self.slopes.push(slope);
-        let _ = self.gains.push(gains);
+        self.set_gains(i, gains);
         let _ = self.segments.push(segment);
         let _ = self.responses.push(responses);
         Ok(())

@@ -19,7 +19,7 @@ const MAX_ITERATIONS: usize = 20_000;
 /// error is then below 1e-7 at N = 40, which moves omega by less than 1e-5.
 const TOLERANCE: f64 = 1e-10;
 
-/// The optimal relaxation factor for the mask that `config.links` describes; in [1, 2).
+/// The optimal relaxation factor for the mask that `config.couplings` describe; in [1, 2).
 ///
 /// Only +, -, x, / and libm's square root are used, in one order: every machine gets the same
 /// bits.
@@ -45,10 +45,10 @@ fn second_singular_squared<const M: usize>(config: &SorConfig<M>, nodes: &[Node]
     let mut weight = RedBlack::<f64, M>::new(0.0);
     let mut vector = RedBlack::<f64, M>::new(0.0);
     let mut degrees = [0.0; M];
-    let is_black = |node: &&Node| node.padded % 2 == 1;
+    let is_black = |node: &&Node| node.place.padded::<M>() % 2 == 1;
     let mut seed = 1u32;
     for node in nodes {
-        let degree = config.links.get(node.padded).map_or(0, |l| l.degree());
+        let degree = config.couplings.get(node.place).map_or(0, |c| c.degree());
         if degree == 0 {
             continue;
         }
@@ -87,7 +87,7 @@ fn second_singular_squared<const M: usize>(config: &SorConfig<M>, nodes: &[Node]
 }
 
 fn put<const M: usize>(field: &mut RedBlack<f64, M>, node: Node, value: f64) {
-    if let Some(place) = field.get_mut(node.padded) {
+    if let Some(place) = field.get_mut(node.place) {
         *place = value;
     }
 }
@@ -116,9 +116,9 @@ fn deflate<const M: usize>(
     nodes: &[Node],
 ) {
     let mut parts = [0.0; M];
-    let black = || nodes.iter().filter(|node| node.padded % 2 == 1);
+    let black = || nodes.iter().filter(|node| node.place.padded::<M>() % 2 == 1);
     for node in black() {
-        let (v, w) = (vector.get(node.padded), weight.get(node.padded));
+        let (v, w) = (vector.get(node.place), weight.get(node.place));
         let part = parts.get_mut(usize::from(node.component));
         if let (Some(&v), Some(&w), Some(part)) = (v, w, part)
             && w > 0.0
@@ -131,7 +131,7 @@ fn deflate<const M: usize>(
     }
     for node in black() {
         let part = parts.get(usize::from(node.component)).copied().unwrap_or(0.0);
-        if let (Some(v), Some(&w)) = (vector.get_mut(node.padded), weight.get(node.padded))
+        if let (Some(v), Some(&w)) = (vector.get_mut(node.place), weight.get(node.place))
             && w > 0.0
         {
             *v -= part / w;

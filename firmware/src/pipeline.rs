@@ -22,14 +22,14 @@
 use crate::actuators::{self, Drive, Law};
 use crate::centroid::Measurement;
 use crate::config::Config;
-use crate::control::Control;
+use crate::control::{Control, Taking};
 use crate::fixed::{self, TILT_LIMIT};
 pub use crate::probe::{Probe, Stage};
 use crate::readout::Readout;
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
-use crate::segments::{ACTUATORS, Position};
-use crate::slopes::{self, Slope, SlopeScale};
-use crate::sor::{Node, Sor};
+use crate::segments::{ACTUATORS, Move, Position, Segment};
+use crate::slopes::{self, Slope, SlopeCalibration, SlopeScale};
+use crate::sor::{Node, Sor, SorConfig};
 
 /// Largest piston handed to a segment, ulp: beyond any stroke, and inside the segments' bounds.
 const TARGET_LIMIT: i32 = 1 << 26;
@@ -58,8 +58,13 @@ pub struct Pipeline<const M: usize, const B: usize> {
     global_tilt: Option<GlobalTilt>,
     totals: Totals,
     readout: Readout<M, B>,
-    slopes: [Slope; M],
+    /// In subaperture order: of the last complete frame and of the one being read, as in the readout.
+    slopes: [[Slope; M]; 2],
+    /// Of the frame being read.
+    saturated_pixels: u32,
     control: Control<M>,
+    /// In subaperture order: those of the control law, which has them on the grid.
+    commands: [[i32; 2]; M],
     sor: Sor<M>,
     positions: [Position; M],
     heights_ulp: [[i32; ACTUATORS]; M],
@@ -99,8 +104,10 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
                 slewed_actuators: 0,
             },
             readout: Readout::new(),
-            slopes: [Slope { tilt_ulp: [0; 2], valid: false }; M],
+            slopes: [[Slope { tilt_ulp: [0; 2], valid: false }; M]; 2],
+            saturated_pixels: 0,
             control: Control::new(),
+            commands: [[0; 2]; M],
             sor: Sor::new(),
             positions: [Position { piston_ulp: 0, tilt_ulp: [0; 2] }; M],
             heights_ulp: [[0; ACTUATORS]; M],
@@ -126,7 +133,8 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         self.readout.reset(config.window);
         self.control.reset();
         self.sor.reset();
-        self.slopes.fill(Slope::default());
+        self.slopes.as_flattened_mut().fill(Slope::default());
+        self.commands.fill([0; 2]);
         self.positions.fill(Position::default());
         self.subapertures = config.subapertures();
         self.heights_ulp.fill([0; ACTUATORS]);
@@ -155,7 +163,9 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         self.frame = frame;
         self.extra_rows = 0;
         self.phase = Phase::Reading;
-        self.readout.begin(config.subapertures());
+        self.readout.begin();
+        self.control.begin();
+        self.saturated_pixels = 0;
     }
 
     /// Takes the next detector row, raw ADU below 2^bits.
@@ -199,7 +209,8 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
                 });
             }
             let pixels = pixels.get(..usize::from(used).wrapping_mul(width)).unwrap_or_default();
-            self.readout.push(config, pixels, used);
+            let (readout, mut windows) = self.windows(config);
+            readout.push(config, pixels, used, &mut |i, measured| windows.take(i, measured));
         }
         let extra = rows.wrapping_sub(used);
         if extra > 0 {
@@ -232,10 +243,28 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
                 Err(RowError::Length { found, expected: expected as u16 })
             }
             _ => {
-                self.readout.supply(config, measurements);
+                let (readout, mut windows) = self.windows(config);
+                readout.supply(config, measurements, &mut |i, measured| windows.take(i, measured));
                 Ok(Progress::Complete)
             }
         }
+    }
+
+    /// The readout, and what takes its measurements.
+    fn windows<'a, const P: usize>(
+        &'a mut self,
+        config: &'a Config<M, P, B>,
+    ) -> (&'a mut Readout<M, B>, Windows<'a, M>) {
+        let slopes = self.slopes.get_mut(1 - self.readout.complete());
+        let windows = Windows {
+            calibration: &config.slopes,
+            nodes: &config.nodes,
+            scale: SlopeScale::new(config.gain_exponent),
+            control: self.control.taking(&config.control),
+            slopes: slopes.map_or(&mut [], |slopes| slopes),
+            saturated_pixels: &mut self.saturated_pixels,
+        };
+        (&mut self.readout, windows)
     }
 
     /// Ends the frame: new codes if it was complete, the old ones if not.
@@ -303,20 +332,15 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         *total = total.saturating_add(1);
     }
 
-    /// Measurements and slopes of the complete frame.
+    /// Measurements and slopes become those of the complete frame.
     fn measure<const P: usize>(
         &mut self,
         config: &Config<M, P, B>,
         report: &mut Report,
     ) -> Option<Hold> {
         self.readout.commit(config);
-        let scale = SlopeScale::new(config.gain_exponent);
-        let measured = self.readout.measurements().iter().zip(&config.slopes);
-        for (slope, (measurement, calibration)) in self.slopes.iter_mut().zip(measured) {
-            *slope = slopes::slope(calibration, scale, measurement);
-            report.valid += u16::from(slope.valid);
-            report.saturated_pixels += u32::from(measurement.saturated);
-        }
+        report.valid = self.control.valid() as u16;
+        report.saturated_pixels = self.saturated_pixels;
         (report.valid == 0).then_some(Hold::NoLight)
     }
 
@@ -328,28 +352,26 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         probe: &mut impl Probe,
     ) {
         let global_tilt = self.current_tilt(config.tilt_max_age, report);
-        let (grid, nodes) = (&config.sor.grid, &config.nodes);
-        self.control.update(&config.control, grid, &self.slopes, &config.gains, nodes);
+        let SorConfig { grid, warm_sweeps, cold_sweeps, .. } = &config.sor;
+        self.control.update(&config.control, grid, &config.gains);
         probe.after(Stage::Control);
 
-        let [tip, tilt] = self.control.field();
-        self.sor.load(&config.sor, tip, tilt);
-        let sweeps = if self.warm { config.sor.warm_sweeps } else { config.sor.cold_sweeps };
-        self.sor.relax(&config.sor, sweeps);
+        self.sor.load(&config.sor, self.control.commands());
+        self.sor.relax(&config.sor, if self.warm { *warm_sweeps } else { *cold_sweeps });
         self.warm = true;
         report.residual_squared = self.sor.residual_squared(&config.sor);
-        self.sor.remove_means(&config.sor, nodes);
+        self.sor.find_means(&config.sor, &config.nodes);
         probe.after(Stage::Sor);
 
-        let commands = self.control.commands().iter().zip(nodes).zip(&config.segments);
-        let state = self.positions.iter_mut().zip(&mut self.heights_ulp);
-        for (((command, node), segment), (position, heights_ulp)) in commands.zip(state) {
-            let target = target(*command, self.sor.piston(*node), *node, global_tilt);
-            let step = segment.advance(*position, *heights_ulp, target, &config.travel);
-            *position = step.position;
-            *heights_ulp = step.heights_ulp;
-            report.saturated_actuators += step.limited.saturated as u16;
-            report.slewed_actuators += step.limited.slewed as u16;
+        if config.travel.is_free() {
+            let bits = config.travel.ratio_bits;
+            self.advance(config, global_tilt, report, |segment, _, _, target| {
+                segment.go(target, bits)
+            });
+        } else {
+            self.advance(config, global_tilt, report, |segment, position, heights, target| {
+                segment.advance(position, heights, target, &config.travel)
+            });
         }
         let [global_tip, global_tilt] = global_tilt;
         let applied = self.positions.iter().take(self.subapertures).map(|position| {
@@ -362,6 +384,34 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
 
         self.drive(config);
         probe.after(Stage::Actuators);
+    }
+
+    /// Commands and pistons to positions and heights by `go`, from where a segment is.
+    ///
+    /// Not inlined: it needs all registers.
+    #[inline(never)]
+    fn advance<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        global_tilt: [i32; 2],
+        report: &mut Report,
+        go: impl Fn(&Segment, Position, [i32; ACTUATORS], Position) -> Move,
+    ) {
+        let (mut saturated, mut slewed) = (0u32, 0u32);
+        let state = self.positions.iter_mut().zip(&mut self.heights_ulp).zip(&mut self.commands);
+        for ((node, segment), ((position, heights_ulp), command)) in
+            config.nodes.iter().zip(&config.segments).zip(state)
+        {
+            *command = self.control.commands().get(node.place).copied().unwrap_or_default();
+            let target = target(*command, self.sor.centred_piston(*node), *node, global_tilt);
+            let step = go(segment, *position, *heights_ulp, target);
+            *position = step.position;
+            *heights_ulp = step.heights_ulp;
+            saturated = saturated.wrapping_add(step.limited.saturated);
+            slewed = slewed.wrapping_add(step.limited.slewed);
+        }
+        report.saturated_actuators = saturated as u16;
+        report.slewed_actuators = slewed as u16;
     }
 
     /// Heights to codes.
@@ -419,13 +469,14 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     /// The slopes of the last complete frame, in subaperture order.
     #[must_use]
     pub fn slopes(&self) -> &[Slope] {
-        self.slopes.get(..self.subapertures).unwrap_or_default()
+        let complete = self.slopes.get(self.readout.complete());
+        complete.and_then(|slopes| slopes.get(..self.subapertures)).unwrap_or_default()
     }
 
     /// The tip/tilt commands, without the global tilt, ulp, in subaperture order.
     #[must_use]
     pub fn commands(&self) -> &[[i32; 2]] {
-        self.control.commands().get(..self.subapertures).unwrap_or_default()
+        self.commands.get(..self.subapertures).unwrap_or_default()
     }
 
     /// Piston, tip and tilt of every segment after all limits, in subaperture order.
@@ -438,6 +489,32 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     #[must_use]
     pub const fn totals(&self) -> Totals {
         self.totals
+    }
+}
+
+/// What becomes of measurements as windows end.
+struct Windows<'a, const M: usize> {
+    calibration: &'a [SlopeCalibration],
+    nodes: &'a [Node],
+    scale: SlopeScale,
+    control: Taking<'a, M>,
+    slopes: &'a mut [Slope],
+    saturated_pixels: &'a mut u32,
+}
+
+impl<const M: usize> Windows<'_, M> {
+    /// Slope and pseudo-open-loop slope of subaperture `i`.
+    #[inline(always)]
+    fn take(&mut self, i: usize, measurement: &Measurement) {
+        let (Some(calibration), Some(node), Some(place)) =
+            (self.calibration.get(i), self.nodes.get(i), self.slopes.get_mut(i))
+        else {
+            return;
+        };
+        let slope = slopes::slope(calibration, self.scale, measurement);
+        *place = slope;
+        self.control.take(i, node.place, &slope);
+        *self.saturated_pixels += u32::from(measurement.saturated);
     }
 }
 

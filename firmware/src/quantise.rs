@@ -289,7 +289,7 @@ impl<'a> Quantiser<'a> {
             return Err(ConfigError::at(Field::ControlGain, i, g, limit));
         }
         // From the rounded g, so that with f = 1 the two add up to one exactly.
-        Ok(Gains { keep: (power(GAIN_BITS) - q) as i16, take: round(q * f) as i16 })
+        Ok(Gains { keep: (power(GAIN_BITS) - q) as i16, take: round(q * f).max(1.0) as i16 })
     }
 
     /// The mechanics of segment `i`.

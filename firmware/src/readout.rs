@@ -12,11 +12,16 @@ use crate::centroid::{
 use crate::config::{Config, Slot};
 use crate::pixels::{self, Convention, Cut, Noted, Seen, WATCHED};
 
-/// What is kept of a window between its rows, and from frame to frame.
+/// What is kept of a window between its rows.
 #[derive(Clone, Copy, Debug)]
 struct Window {
     moments: Moments,
     seen: Seen,
+}
+
+/// What a frame leaves of a window for the next one.
+#[derive(Clone, Copy, Debug)]
+struct Tracking {
     /// Moving threshold beyond the fixed one, signal units.
     excess: u16,
     /// First of the rows in which the peak is looked for.
@@ -32,37 +37,50 @@ struct Weighted {
 }
 
 impl Window {
-    const NEW: Self = Self { moments: Moments::ZERO, seen: Seen::NOTHING, excess: 0, watched: 0 };
+    const NEW: Self = Self { moments: Moments::ZERO, seen: Seen::NOTHING };
 
-    /// Forgets the rows of the last frame.
+    /// The measurement, of `moments` or its own.
     #[inline(always)]
-    fn start(&mut self) {
-        self.moments = Moments::ZERO;
-        self.seen = Seen::NOTHING;
+    fn measurement(
+        &self,
+        moments: &Moments,
+        flux: u32,
+        tracking: &Tracking,
+        shared: &Shared,
+    ) -> Measurement {
+        let Noted { peak, saturated } = self.seen.all();
+        // What was taken off the peak; nothing off none.
+        let taken = tracking.excess * u16::from(shared.subtracts) * u16::from(peak != 0);
+        Measurement {
+            centroid_q16: moments.centroid_q16(shared.short_sums),
+            flux,
+            peak: peak.wrapping_add(taken),
+            saturated,
+        }
     }
+}
+
+impl Tracking {
+    const NEW: Self = Self { excess: 0, watched: 0 };
 
     #[inline(always)]
     fn watches(&self, y: usize) -> bool {
         y.wrapping_sub(usize::from(self.watched)) < WATCHED
     }
 
-    /// What a watched row adds to.
+    /// What the next frame does with a window that was measured so; `base` is its fixed threshold.
+    ///
+    /// One without flux keeps its rows where they were; its threshold follows its peak.
     #[inline(always)]
-    fn watch(&mut self, y: usize) -> Option<&mut Seen> {
-        self.watches(y).then_some(&mut self.seen)
-    }
-
-    /// The measurement, of `moments` or its own.
-    #[inline]
-    fn measurement(&self, moments: &Moments, flux: u32, config: &Shared) -> Measurement {
-        let Noted { peak, saturated } = self.seen.all();
-        // What was taken off the peak; nothing off none.
-        let taken = self.excess * u16::from(config.subtracts) * u16::from(peak != 0);
-        Measurement {
-            centroid_q16: moments.centroid_q16(config.short_sums),
-            flux,
-            peak: peak.wrapping_add(taken),
-            saturated,
+    fn next(&self, measurement: &Measurement, base: u16, shared: &Shared) -> Self {
+        let covered = base * u16::from(shared.subtracts);
+        let [_, y_q16] = measurement.centroid_q16;
+        let seen = centroid::first_watched(shared.window, y_q16);
+        // Opaque, or the compiler makes a branch of it: the time must not tell what is lit.
+        let lit = core::hint::black_box(u8::from(measurement.flux != 0));
+        Self {
+            excess: centroid::excess(measurement.peak, shared.peak_fraction, base, covered),
+            watched: seen * lit + self.watched * (1 - lit),
         }
     }
 }
@@ -80,9 +98,30 @@ fn least(a: usize, b: usize) -> usize {
 /// What all windows share.
 #[derive(Clone, Copy)]
 struct Shared {
+    /// Pixels on a side.
+    window: usize,
     /// Whether thresholds are subtracted.
     subtracts: bool,
     short_sums: bool,
+    /// Of the last peak, Q16.
+    peak_fraction: u16,
+}
+
+impl Shared {
+    #[inline(always)]
+    fn new<const M: usize, const P: usize, const B: usize>(config: &Config<M, P, B>) -> Self {
+        let peak_fraction = match config.estimator {
+            EstimatorConfig::CentreOfGravity { peak_fraction }
+            | EstimatorConfig::Weighted { peak_fraction, .. } => peak_fraction,
+            EstimatorConfig::Brightest { .. } => 0,
+        };
+        Self {
+            window: config.window,
+            subtracts: config.bank.convention == Convention::Subtract,
+            short_sums: config.short_sums,
+            peak_fraction,
+        }
+    }
 }
 
 /// The state of the readout. `M` and `B` as in [`Config`].
@@ -94,11 +133,13 @@ pub(crate) struct Readout<const M: usize, const B: usize> {
     active: [usize; 2],
     /// In readout order.
     windows: [Window; M],
+    /// In readout order: what the last complete frame left, and what this one will.
+    tracking: [[Tracking; M]; 2],
     /// In readout order.
     weighted: [Weighted; M],
     /// In subaperture order: those of the last complete frame and those being measured.
     measurements: [[Measurement; M]; 2],
-    /// Which of `measurements` is complete.
+    /// Which of `measurements` and `tracking` is complete.
     complete: usize,
     /// Pixels of the windows being read; window k uses place k modulo the windows at once.
     buffer: [u16; B],
@@ -112,6 +153,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             row: 0,
             active: [0; 2],
             windows: [Window::NEW; M],
+            tracking: [[Tracking::NEW; M]; 2],
             weighted: [Weighted::NEW; M],
             measurements: [[BLANK; M]; 2],
             complete: 0,
@@ -120,17 +162,17 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     }
 
     /// Starts a frame; what was measured of an unfinished one is dropped.
-    pub(crate) fn begin(&mut self, windows: usize) {
+    pub(crate) fn begin(&mut self) {
         self.row = 0;
         self.active = [0; 2];
-        self.windows.iter_mut().take(windows).for_each(Window::start);
     }
 
     /// Forgets thresholds and centres as well.
     pub(crate) fn reset(&mut self, window: usize) {
-        self.begin(0);
+        self.begin();
         let watched = centroid::first_watched(window, 0);
-        self.windows.fill(Window { watched, ..Window::NEW });
+        self.windows.fill(Window::NEW);
+        self.tracking.as_flattened_mut().fill(Tracking { watched, ..Tracking::NEW });
         self.weighted.fill(Weighted::NEW);
         self.measurements.as_flattened_mut().fill(Measurement::default());
     }
@@ -140,25 +182,29 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         self.row
     }
 
-    /// Takes the next `rows` rows, which have the detector's width.
+    /// Takes the next `rows` rows, which have the detector's width; `each` is given a subaperture and
+    /// its measurement when its window has ended.
     #[inline]
     pub(crate) fn push<const P: usize>(
         &mut self,
         config: &Config<M, P, B>,
         pixels: &[u16],
         rows: u16,
+        each: &mut impl FnMut(usize, &Measurement),
     ) {
         // The common sizes get loops of known length; the results are the same.
         let only_floors = config.bank.only_floors()
             && matches!(config.estimator, EstimatorConfig::CentreOfGravity { .. });
         if only_floors {
             let met = self.meet(config, rows);
-            match config.window {
-                8 => self.floored_rows::<8, 4, P>(config, met, pixels, rows),
-                16 => self.floored_rows::<16, 8, P>(config, met, pixels, rows),
+            match (config.window, self.are_whole(config, met, rows)) {
+                (8, true) => self.whole_windows::<8, 4, P>(config, met, pixels),
+                (16, true) => self.whole_windows::<16, 8, P>(config, met, pixels),
+                (8, false) => self.floored_rows::<8, 4, P>(config, met, pixels, rows),
+                (16, false) => self.floored_rows::<16, 8, P>(config, met, pixels, rows),
                 _ => self.floored_rows::<0, 0, P>(config, met, pixels, rows),
             }
-            self.row = self.row.wrapping_add(rows);
+            self.end(config, rows, each);
             return;
         }
         for pixels in pixels.chunks_exact(usize::from(config.width).max(1)) {
@@ -168,24 +214,75 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                 16 => self.rows_of::<16, P>(config, met, pixels),
                 _ => self.rows_of::<0, P>(config, met, pixels),
             }
-            self.row = self.row.wrapping_add(1);
+            self.end(config, 1, each);
         }
     }
 
     /// First window that the next `rows` rows meet, and first that they do not meet any more.
     #[inline(always)]
     fn meet<const P: usize>(&mut self, config: &Config<M, P, B>, rows: u16) -> [usize; 2] {
-        let [first, next] = &mut self.active;
+        let [_, next] = &mut self.active;
         let end = self.row.wrapping_add(rows);
         let starts = |slot: &Slot| slot.y0 < end;
         while config.slots.get(*next).is_some_and(starts) {
             *next += 1;
         }
-        let ended = |slot: &Slot| usize::from(slot.y0) + config.window <= usize::from(self.row);
-        while config.slots.get(*first).is_some_and(ended) {
-            *first += 1;
-        }
         self.active
+    }
+
+    /// Whether the next `rows` rows have all of every window they meet: in readout order the first one
+    /// met starts first and the last ends last.
+    fn are_whole<const P: usize>(
+        &self,
+        config: &Config<M, P, B>,
+        [first, next]: [usize; 2],
+        rows: u16,
+    ) -> bool {
+        let met = config.slots.get(first..next).unwrap_or_default();
+        let starts = met.first().is_none_or(|slot| slot.y0 >= self.row);
+        let end = usize::from(self.row).wrapping_add(usize::from(rows));
+        starts && met.last().is_none_or(|slot| usize::from(slot.y0) + config.window <= end)
+    }
+
+    /// [`Readout::floored_rows`] where no window goes beyond the rows.
+    ///
+    /// Not inlined: it needs all registers.
+    #[inline(never)]
+    fn whole_windows<const W: usize, const N: usize, const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        [first, next]: [usize; 2],
+        pixels: &[u16],
+    ) {
+        let (width, row) = (usize::from(config.width), self.row);
+        let slots = config.slots.get(first..next).unwrap_or_default();
+        let tracking = self.tracking.get(self.complete).and_then(|done| done.get(first..next));
+        let windows = self.windows.get_mut(first..next).unwrap_or_default();
+        let windows = slots.iter().zip(tracking.unwrap_or_default()).zip(windows);
+        let base = config.bank.cut(0);
+        let span = (W - 1).wrapping_mul(width).wrapping_add(W);
+        for (((slot, tracking), window), floors) in
+            windows.zip(config.bank.floors_of(first, next, W * W))
+        {
+            let start = usize::from(slot.y0.wrapping_sub(row)).wrapping_mul(width);
+            let start = start.wrapping_add(usize::from(slot.x0));
+            // There in a validated configuration and rows of the right length.
+            let Some(raw) = pixels.get(start..start.wrapping_add(span)) else { continue };
+            let cut = Cut { excess: tracking.excess, ..base };
+            let mut moments = Moments::ZERO;
+            let sums = centroid::floored_moments::<N>(raw, width, floors, W, cut);
+            moments.add_rows(W, 0, W, sums);
+            window.moments = moments;
+            let watched = usize::from(tracking.watched).min(W - WATCHED);
+            let mut seen = Seen::NOTHING;
+            if let (Some(raw), Some(floor)) = (
+                raw.get(watched.wrapping_mul(width)..),
+                floors.get(watched * W..(watched + WATCHED) * W),
+            ) {
+                centroid::note_floored::<N>(raw, width, floor, W, cut, &mut seen);
+            }
+            window.seen = seen;
+        }
     }
 
     /// Adds the rows to every window they meet, for centre of gravity above floors. `W` is the
@@ -203,12 +300,12 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         let size = if W == 0 { config.window } else { W };
         let (width, row) = (usize::from(config.width), self.row);
         let slots = config.slots.get(first..next).unwrap_or_default();
+        let tracking = self.tracking.get(self.complete).and_then(|done| done.get(first..next));
         let windows = self.windows.get_mut(first..next).unwrap_or_default();
-        let Some(measurements) = self.measurements.get_mut(1 - self.complete) else { return };
-        let shared = Shared { subtracts: true, short_sums: config.short_sums };
+        let windows = slots.iter().zip(tracking.unwrap_or_default()).zip(windows);
         let base = config.bank.cut(0);
-        for ((slot, window), floors) in
-            slots.iter().zip(windows).zip(config.bank.floors_of(first, next, size * size))
+        for (((slot, tracking), window), floors) in
+            windows.zip(config.bank.floors_of(first, next, size * size))
         {
             // Of the rows, those before the window's first; of the window, those before them.
             let before = usize::from(slot.y0.saturating_sub(row));
@@ -222,12 +319,15 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             ) else {
                 continue;
             };
-            let cut = Cut { excess: window.excess, ..base };
+            if y == 0 {
+                *window = Window::NEW;
+            }
+            let cut = Cut { excess: tracking.excess, ..base };
             let sums = centroid::floored_moments::<N>(raw, width, floor, size, cut);
             window.moments.add_rows(size, y, count, sums);
             // Those of the watched rows that are among these; none is a case like the others, whose
             // time does not show.
-            let watched = usize::from(window.watched);
+            let watched = usize::from(tracking.watched);
             let [from, to] = [watched, watched.wrapping_add(WATCHED)]
                 .map(|row| least(row.saturating_sub(y), count));
             let first = least(from, count.wrapping_sub(1));
@@ -240,12 +340,6 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                 continue;
             };
             centroid::note_floored::<N>(raw, width, floor, size, cut, &mut window.seen);
-            if y.wrapping_add(count) == size {
-                let measurement = window.measurement(&window.moments, window.moments.sum, &shared);
-                if let Some(place) = measurements.get_mut(usize::from(slot.subaperture)) {
-                    *place = measurement;
-                }
-            }
         }
     }
 
@@ -261,47 +355,38 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         let area = size * size;
         let row = self.row;
         let slots = config.slots.get(first..next).unwrap_or_default();
+        let tracking = self.tracking.get(self.complete).and_then(|done| done.get(first..next));
         let windows = self.windows.get_mut(first..next).unwrap_or_default();
-        let Some(measurements) = self.measurements.get_mut(1 - self.complete) else { return };
+        let windows = slots.iter().zip(tracking.unwrap_or_default()).zip(windows);
         let bank = &config.bank;
-        let shared = Shared {
-            subtracts: bank.convention == Convention::Subtract,
-            short_sums: config.short_sums,
-        };
-        // Window, its row, its place in the bank and its pixels. What is not there in a validated
+        // Window, its row, that row's calibration and its pixels. What is not there in a validated
         // configuration and a row of the right length is skipped.
-        let lines = slots.iter().zip(windows).enumerate().filter_map(|(k, (slot, window))| {
+        let lines = windows.enumerate().filter_map(|(k, ((slot, tracking), window))| {
             let y = usize::from(row.wrapping_sub(slot.y0));
             let x0 = usize::from(slot.x0);
-            Some((slot, window, y, (first + k) * area + y * size, pixels.get(x0..x0 + size)?))
-        });
-        let mut finish = |slot: &Slot, measurement| {
-            if let Some(place) = measurements.get_mut(usize::from(slot.subaperture)) {
-                *place = measurement;
+            if y == 0 {
+                *window = Window::NEW;
             }
-        };
+            let calibration = bank.row((first + k) * area + y * size, size)?;
+            Some((window, *tracking, y, calibration, pixels.get(x0..x0 + size)?))
+        });
         match config.estimator {
             EstimatorConfig::CentreOfGravity { .. } => {
-                for (slot, window, y, place, raw) in lines {
-                    let Some(row) = bank.row(place, size) else { continue };
-                    let cut = bank.cut(window.excess);
-                    let sums = centroid::calibrated_row_moments(raw, row, cut, window.watch(y));
+                for (window, tracking, y, row, raw) in lines {
+                    let cut = bank.cut(tracking.excess);
+                    let seen = tracking.watches(y).then_some(&mut window.seen);
+                    let sums = centroid::calibrated_row_moments(raw, row, cut, seen);
                     window.moments.add_row(size, y, sums);
-                    if y + 1 == size {
-                        let moments = window.moments;
-                        finish(slot, window.measurement(&moments, moments.sum, &shared));
-                    }
                 }
             }
-            EstimatorConfig::Weighted { gain, .. } => {
+            EstimatorConfig::Weighted { .. } => {
                 let weighted = self.weighted.get_mut(first..next).unwrap_or_default();
-                let shared = Shared { short_sums: false, ..shared };
-                for ((slot, window, y, place, raw), weighted) in lines.zip(weighted) {
-                    let Some(row) = bank.row(place, size) else { continue };
+                for ((window, tracking, y, row, raw), weighted) in lines.zip(weighted) {
                     let mut buffer = [0u16; MAX_WINDOW];
                     let Some(signal) = buffer.get_mut(..size) else { continue };
-                    let cut = bank.cut(window.excess);
-                    pixels::signal(raw, row, cut, window.watch(y), signal);
+                    let cut = bank.cut(tracking.excess);
+                    let seen = tracking.watches(y).then_some(&mut window.seen);
+                    pixels::signal(raw, row, cut, seen, signal);
                     let [cx, cy] = weighted.centre.map(i32::from);
                     let weights = config.template.row(size, cx);
                     let weight = config.template.weight(size, cy, y);
@@ -310,30 +395,122 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                     }
                     let sums = centroid::weighted_row_moments(signal, weights, weight);
                     weighted.moments.add_row(size, y, sums);
-                    if y + 1 == size {
-                        let (moments, flux) = (weighted.moments.narrow(), weighted.moments.flux());
-                        let mut measurement = window.measurement(&moments, flux, &shared);
-                        let axes = measurement.centroid_q16.iter_mut().zip([cx, cy]);
-                        axes.for_each(|(c, centre)| *c = centroid::unweighted(centre, *c, gain));
-                        finish(slot, measurement);
-                    }
                 }
             }
             EstimatorConfig::Brightest { n, bits } => {
-                for (k, (slot, window, y, place, raw)) in (first..).zip(lines) {
+                for (k, (window, tracking, y, row, raw)) in (first..).zip(lines) {
                     let start = (k % config.concurrent.max(1)) * area;
-                    let Some(row) = bank.row(place, size) else { continue };
                     let Some(stored) = self.buffer.get_mut(start..start + area) else { continue };
                     let Some(signal) = stored.get_mut(y * size..(y + 1) * size) else {
                         continue;
                     };
-                    pixels::signal(raw, row, bank.cut(0), window.watch(y), signal);
+                    let seen = tracking.watches(y).then_some(&mut window.seen);
+                    pixels::signal(raw, row, bank.cut(0), seen, signal);
                     if y + 1 == size {
-                        let moments = centroid::brightest_moments(stored, size, n, bits);
-                        finish(slot, window.measurement(&moments, moments.sum, &shared));
+                        window.moments = centroid::brightest_moments(stored, size, n, bits);
                     }
                 }
             }
+        }
+    }
+
+    /// Counts `rows` rows as taken and measures every window that has ended with them.
+    #[inline(always)]
+    fn end<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        rows: u16,
+        each: &mut impl FnMut(usize, &Measurement),
+    ) {
+        self.row = self.row.wrapping_add(rows);
+        let [start, next] = self.active;
+        let met = config.slots.get(start..next).unwrap_or_default().iter();
+        let has_ended =
+            |slot: &&Slot| usize::from(slot.y0) + config.window <= usize::from(self.row);
+        let end = start.wrapping_add(met.take_while(has_ended).count());
+        self.active = [end, next];
+        if end > start {
+            match config.estimator {
+                EstimatorConfig::Weighted { gain, .. } => {
+                    self.measure_weighted(config, [start, end], gain, each);
+                }
+                _ => self.measure(config, [start, end], each),
+            }
+        }
+    }
+
+    /// Measures windows from their moments.
+    ///
+    /// Not inlined: it needs all registers.
+    #[inline(never)]
+    fn measure<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        [start, end]: [usize; 2],
+        each: &mut impl FnMut(usize, &Measurement),
+    ) {
+        let (Some(measurements), Ok([done, new])) = (
+            self.measurements.get_mut(1 - self.complete),
+            self.tracking.get_disjoint_mut([self.complete, 1 - self.complete]),
+        ) else {
+            return;
+        };
+        let tracking = done.get(start..end).unwrap_or_default().iter();
+        let tracking = tracking.zip(new.get_mut(start..end).unwrap_or_default());
+        let windows = self.windows.get(start..end).unwrap_or_default();
+        let slots = config.slots.get(start..end).unwrap_or_default();
+        let shared = Shared::new(config);
+        for ((slot, window), (tracking, next)) in slots.iter().zip(windows).zip(tracking) {
+            let subaperture = usize::from(slot.subaperture);
+            let (Some(place), Some(&base)) =
+                (measurements.get_mut(subaperture), config.base_thresholds.get(subaperture))
+            else {
+                continue;
+            };
+            let moments = &window.moments;
+            let measurement = window.measurement(moments, moments.sum, tracking, &shared);
+            *next = tracking.next(&measurement, base, &shared);
+            *place = measurement;
+            each(subaperture, &measurement);
+        }
+    }
+
+    /// Measures windows from their weighted moments; `gain` undoes the weight's.
+    fn measure_weighted<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        [start, end]: [usize; 2],
+        gain: i32,
+        each: &mut impl FnMut(usize, &Measurement),
+    ) {
+        let (Some(measurements), Ok([done, new])) = (
+            self.measurements.get_mut(1 - self.complete),
+            self.tracking.get_disjoint_mut([self.complete, 1 - self.complete]),
+        ) else {
+            return;
+        };
+        let tracking = done.get(start..end).unwrap_or_default().iter();
+        let tracking = tracking.zip(new.get_mut(start..end).unwrap_or_default());
+        let windows = self.windows.get(start..end).unwrap_or_default().iter();
+        let windows = windows.zip(self.weighted.get(start..end).unwrap_or_default());
+        let slots = config.slots.get(start..end).unwrap_or_default();
+        let shared = Shared { short_sums: false, ..Shared::new(config) };
+        for ((slot, (window, weighted)), (tracking, next)) in
+            slots.iter().zip(windows).zip(tracking)
+        {
+            let subaperture = usize::from(slot.subaperture);
+            let (Some(place), Some(&base)) =
+                (measurements.get_mut(subaperture), config.base_thresholds.get(subaperture))
+            else {
+                continue;
+            };
+            let (moments, flux) = (weighted.moments.narrow(), weighted.moments.flux());
+            let mut measurement = window.measurement(&moments, flux, tracking, &shared);
+            let axes = measurement.centroid_q16.iter_mut().zip(weighted.centre);
+            axes.for_each(|(c, centre)| *c = centroid::unweighted(centre.into(), *c, gain));
+            *next = tracking.next(&measurement, base, &shared);
+            *place = measurement;
+            each(subaperture, &measurement);
         }
     }
 
@@ -342,11 +519,25 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         &mut self,
         config: &Config<M, P, B>,
         measurements: &[Measurement],
+        each: &mut impl FnMut(usize, &Measurement),
     ) {
-        if let Some(new) = self.measurements.get_mut(1 - self.complete) {
-            for (place, &new) in new.iter_mut().zip(measurements) {
-                let bound = |c: i32| c.clamp(-CENTROID_LIMIT, CENTROID_LIMIT);
-                *place = Measurement { centroid_q16: new.centroid_q16.map(bound), ..new };
+        let (Some(new), Ok([done, next])) = (
+            self.measurements.get_mut(1 - self.complete),
+            self.tracking.get_disjoint_mut([self.complete, 1 - self.complete]),
+        ) else {
+            return;
+        };
+        for (i, (place, &new)) in new.iter_mut().zip(measurements).enumerate() {
+            let bound = |c: i32| c.clamp(-CENTROID_LIMIT, CENTROID_LIMIT);
+            *place = Measurement { centroid_q16: new.centroid_q16.map(bound), ..new };
+            each(i, place);
+        }
+        let shared = Shared::new(config);
+        for (slot, (done, next)) in config.slots.iter().zip(done.iter().zip(next)) {
+            let subaperture = usize::from(slot.subaperture);
+            let places = (new.get(subaperture), config.base_thresholds.get(subaperture));
+            if let (Some(measurement), Some(&base)) = places {
+                *next = done.next(measurement, base, &shared);
             }
         }
         self.row = config.height;
@@ -355,42 +546,28 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     /// Makes the frame just read the last complete one: its measurements become readable, its
     /// peaks and centroids set the next frame's thresholds, watched rows and weights.
     ///
-    /// A window without flux keeps its rows and its weight where they were; its threshold follows
-    /// its peak.
+    /// A window without flux keeps its weight where it was.
     pub(crate) fn commit<const P: usize>(&mut self, config: &Config<M, P, B>) {
         self.complete = 1 - self.complete;
-        let fraction = match config.estimator {
-            EstimatorConfig::CentreOfGravity { peak_fraction }
-            | EstimatorConfig::Weighted { peak_fraction, .. } => peak_fraction,
-            EstimatorConfig::Brightest { .. } => 0,
-        };
-        let weighted = matches!(config.estimator, EstimatorConfig::Weighted { .. });
-        let subtracts = u16::from(config.bank.convention == Convention::Subtract);
-        let measured = self.measurements.get(self.complete).map_or(&[][..], |frame| frame);
-        for (slot, window) in config.slots.iter().zip(&mut self.windows) {
-            let subaperture = usize::from(slot.subaperture);
-            let places = (measured.get(subaperture), config.base_thresholds.get(subaperture));
-            let (Some(measurement), Some(&base)) = places else { continue };
-            let covered = base * subtracts;
-            window.excess = centroid::excess(measurement.peak, fraction, base, covered);
-            let [_, y_q16] = measurement.centroid_q16;
-            let seen = centroid::first_watched(config.window, y_q16);
-            // Opaque, or the compiler makes a branch of it: the time must not tell what is lit.
-            let lit = core::hint::black_box(u8::from(measurement.flux != 0));
-            window.watched = seen * lit + window.watched * (1 - lit);
+        if !matches!(config.estimator, EstimatorConfig::Weighted { .. }) {
+            return;
         }
-        if weighted {
-            for (slot, weighted) in config.slots.iter().zip(&mut self.weighted) {
-                let Some(measurement) = measured.get(usize::from(slot.subaperture)) else {
-                    continue;
-                };
-                if measurement.flux > 0 {
-                    weighted.centre = measurement
-                        .centroid_q16
-                        .map(|centroid| Template::centre(config.window, centroid) as i16);
-                }
+        let measured = self.measurements.get(self.complete).map_or(&[][..], |frame| frame);
+        for (slot, weighted) in config.slots.iter().zip(&mut self.weighted) {
+            let Some(measurement) = measured.get(usize::from(slot.subaperture)) else {
+                continue;
+            };
+            if measurement.flux > 0 {
+                weighted.centre = measurement
+                    .centroid_q16
+                    .map(|centroid| Template::centre(config.window, centroid) as i16);
             }
         }
+    }
+
+    /// Which of two places is that of the last complete frame: 0 or 1.
+    pub(crate) const fn complete(&self) -> usize {
+        self.complete
     }
 
     /// The measurements of the last complete frame, in subaperture order.

@@ -21,10 +21,31 @@ pub(crate) const COLOURS: [usize; 2] = [0, 1];
 #[derive(Debug)]
 pub struct RedBlack<T, const M: usize>([[T; M]; 2]);
 
+/// Where a padded node's value is: its colour's half and its place there, as one index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place(u16);
+
+impl Place {
+    /// The place of padded node `padded` in fields of capacity `M`.
+    #[must_use]
+    pub const fn new<const M: usize>(padded: usize) -> Self {
+        // Below 2 x 1600.
+        Self((padded / 2 + padded % 2 * M) as u16)
+    }
+
+    /// The padded node, in fields of capacity `M`: even if red, odd if black.
+    #[must_use]
+    pub(crate) const fn padded<const M: usize>(self) -> usize {
+        let place = self.0 as usize;
+        if place < M { 2 * place } else { 2 * (place - M) + 1 }
+    }
+}
+
 /// The neighbours of the nodes of one colour, in step with [`RedBlack::nodes`].
 #[derive(Clone, Copy)]
 pub(crate) struct Sides<'a, T> {
-    west: &'a [T],
+    /// The west of the first node; the east of each is the west of the next.
+    west: T,
     east: &'a [T],
     north: &'a [T],
     south: &'a [T],
@@ -34,9 +55,12 @@ impl<'a, T: Copy> Sides<'a, T> {
     /// West, east, north and south of one node after the other.
     #[inline(always)]
     pub(crate) fn iter(self) -> impl Iterator<Item = [T; 4]> + 'a {
-        let columns = self.west.iter().zip(self.east);
+        let mut next = self.west;
         let rows = self.north.iter().zip(self.south);
-        columns.zip(rows).map(|((&w, &e), (&n, &s))| [w, e, n, s])
+        self.east.iter().zip(rows).map(move |(&east, (&north, &south))| {
+            let west = core::mem::replace(&mut next, east);
+            [west, east, north, south]
+        })
     }
 }
 
@@ -55,7 +79,7 @@ fn of<'a, T>(half: &'a [T], grid: &Grid, colour: usize) -> &'a [T] {
 
 /// The sides of the nodes of `colour`, from the other colour's half.
 #[inline(always)]
-fn sides<'a, T>(other: &'a [T], grid: &Grid, colour: usize) -> Sides<'a, T> {
+fn sides<'a, T: Copy + Default>(other: &'a [T], grid: &Grid, colour: usize) -> Sides<'a, T> {
     let nodes = span(grid, colour);
     let (red, len) = (1 - colour, nodes.len());
     let at = |shift: usize, back: usize| {
@@ -63,14 +87,14 @@ fn sides<'a, T>(other: &'a [T], grid: &Grid, colour: usize) -> Sides<'a, T> {
         other.get(start..start + len).unwrap_or_default()
     };
     Sides {
-        west: at(0, red),
+        west: at(0, red).first().copied().unwrap_or_default(),
         east: at(1 - red, 0),
         north: at(0, grid.stride / 2 + red),
         south: at(grid.stride / 2 + 1 - red, 0),
     }
 }
 
-impl<T: Copy, const M: usize> RedBlack<T, M> {
+impl<T: Copy + Default, const M: usize> RedBlack<T, M> {
     /// `value` everywhere.
     pub const fn new(value: T) -> Self {
         Self([[value; M]; 2])
@@ -81,18 +105,16 @@ impl<T: Copy, const M: usize> RedBlack<T, M> {
         self.0.as_flattened_mut().fill(value);
     }
 
-    /// The value at a padded node; `None` off the grid.
+    /// The value at a place; `None` off the grid.
     #[inline(always)]
-    pub fn get(&self, padded: u16) -> Option<&T> {
-        let (h, colour) = (usize::from(padded / 2), usize::from(padded % 2));
-        self.0.get(colour).and_then(|half| half.get(h))
+    pub fn get(&self, place: Place) -> Option<&T> {
+        self.0.as_flattened().get(usize::from(place.0))
     }
 
-    /// The value at a padded node; `None` off the grid.
+    /// The value at a place; `None` off the grid.
     #[inline(always)]
-    pub fn get_mut(&mut self, padded: u16) -> Option<&mut T> {
-        let (h, colour) = (usize::from(padded / 2), usize::from(padded % 2));
-        self.0.get_mut(colour).and_then(|half| half.get_mut(h))
+    pub fn get_mut(&mut self, place: Place) -> Option<&mut T> {
+        self.0.as_flattened_mut().get_mut(usize::from(place.0))
     }
 
     #[inline(always)]
@@ -146,7 +168,7 @@ mod tests {
             let grid = Grid::new(across);
             let mut field = RedBlack::<usize, { 40 * 40 }>::new(usize::MAX);
             for f in 0..grid.nodes {
-                *field.get_mut(f as u16).expect("on the grid") = f;
+                *field.get_mut(Place::new::<{ 40 * 40 }>(f)).expect("on the grid") = f;
             }
             let mut seen = 0;
             for colour in COLOURS {

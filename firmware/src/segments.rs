@@ -122,6 +122,14 @@ impl Room {
         let [(l0, h0), (l1, h1), (l2, h2)] = self.pistons;
         (larger(larger(l0, l1), l2), smaller(smaller(h0, h1), h2))
     }
+
+    /// Actuators that a piston takes beyond their limits.
+    #[inline(always)]
+    fn saturated(&self, piston_ulp: i32) -> u32 {
+        let [a, b, c] = self.pistons;
+        let beyond = |(low, high)| u32::from(piston_ulp < low) | u32::from(piston_ulp > high);
+        beyond(a) + beyond(b) + beyond(c)
+    }
 }
 
 impl Segment {
@@ -162,17 +170,41 @@ impl Segment {
 
     #[inline(always)]
     fn room(&self, tilt_ulp: [i32; 2], ratio_bits: u32) -> Room {
-        let [tip, tilt] = tilt_ulp.map(|t| t.wrapping_shl(16 - DROPPED));
+        let [tip, tilt] = tilt_ulp;
+        let (tip, tilt) = (tip.wrapping_shl(16 - DROPPED), tilt.wrapping_shl(16 - DROPPED));
         let (rest, half) = (ratio_bits - DROPPED, (1 << (ratio_bits - DROPPED)) >> 1);
         let product = |t: i16, tilt: i32| mul_high(i32::from(t) << 16, tilt);
-        let tilted = self.ratios.map(|[tx, ty]| {
+        let tilted = |[tx, ty]: [i16; 2]| {
             product(tx, tip).wrapping_add(product(ty, tilt)).wrapping_add(half) >> rest
-        });
+        };
+        let [t0, t1, t2] = self.ratios;
+        let (q0, q1, q2) = (tilted(t0), tilted(t1), tilted(t2));
         let ([l0, l1, l2], [h0, h1, h2]) = (self.lowest, self.highest);
-        let [q0, q1, q2] = tilted;
-        let pistons = [(l0, h0, q0), (l1, h1, q1), (l2, h2, q2)]
-            .map(|(low, high, q)| (low.wrapping_sub(q), high.wrapping_sub(q)));
-        Room { tilted, pistons }
+        let piston = |low: i32, high: i32, q| (low.wrapping_sub(q), high.wrapping_sub(q));
+        Room {
+            tilted: [q0, q1, q2],
+            pistons: [piston(l0, h0, q0), piston(l1, h1, q1), piston(l2, h2, q2)],
+        }
+    }
+
+    /// Goes to `target` within limits, for a mirror of [`Travel::is_free`]: at most the piston gives way.
+    #[inline(always)]
+    pub(crate) fn go(&self, target: Position, ratio_bits: u32) -> Move {
+        let room = self.room(target.tilt_ulp, ratio_bits);
+        let wanted = target.piston_ulp;
+        let (low, high) = room.interval();
+        let piston_ulp = larger(smaller(wanted, high), low);
+        let [q0, q1, q2] = room.tilted;
+        Move {
+            position: Position { piston_ulp, tilt_ulp: target.tilt_ulp },
+            // Within the limits, since the piston is within what each leaves it.
+            heights_ulp: [
+                piston_ulp.wrapping_add(q0),
+                piston_ulp.wrapping_add(q1),
+                piston_ulp.wrapping_add(q2),
+            ],
+            limited: Limited { saturated: room.saturated(wanted), slewed: 0 },
+        }
     }
 
     /// Moves from `previous`, with actuators at `from_ulp`, towards `target` within limits.
@@ -187,17 +219,14 @@ impl Segment {
         let mut position = target;
         let mut room = self.room(target.tilt_ulp, travel.ratio_bits);
         let wanted = target.piston_ulp;
-        let beyond =
-            room.pistons.map(|(low, high)| u32::from(wanted < low) | u32::from(wanted > high));
-        let saturated = beyond.into_iter().sum();
+        let saturated = room.saturated(wanted);
         if travel.tilts_shrink {
             let scale = self.tilt_scale(&room);
             position.tilt_ulp = target.tilt_ulp.map(|tilt| shrink(tilt, scale));
             room = self.room(position.tilt_ulp, travel.ratio_bits);
         }
         let (low, high) = room.interval();
-        // Rounding can leave low one ulp above high when the interval is a point.
-        position.piston_ulp = larger(smaller(wanted, high), smaller(low, high));
+        position.piston_ulp = larger(smaller(wanted, high), low);
         let mut slewed = 0;
         if travel.slews {
             let heights = room.tilted.map(|q| position.piston_ulp.wrapping_add(q));
@@ -208,11 +237,10 @@ impl Segment {
             position = towards(previous, position, scale(travel.slew_ulp, longest));
             room = self.room(position.tilt_ulp, travel.ratio_bits);
         }
-        let limits = pairs(pairs(self.lowest, self.highest), room.tilted);
-        // Inside by construction but for the rounding of the last products.
-        let heights_ulp = limits.map(|((low, high), q)| {
-            smaller(larger(position.piston_ulp.wrapping_add(q), low), high)
-        });
+        let mut heights_ulp = room.tilted.map(|q| position.piston_ulp.wrapping_add(q));
+        // Inside but for the rounding of the last products.
+        let limits = pairs(pairs(self.lowest, self.highest), heights_ulp);
+        heights_ulp = limits.map(|((low, high), h)| smaller(larger(h, low), high));
         Move { position, heights_ulp, limited: Limited { saturated, slewed } }
     }
 
@@ -232,6 +260,11 @@ impl Segment {
 }
 
 impl Travel {
+    /// Whether these segments run into nothing but the ends of their pistons.
+    pub(crate) const fn is_free(&self) -> bool {
+        !self.tilts_shrink && !self.slews
+    }
+
     /// What these segments can run into.
     pub(crate) fn new(ratio_bits: u32, slew_ulp: i32, segments: &[Segment]) -> Self {
         Self {

@@ -16,10 +16,10 @@
 //! bipartite, so that this has the optimal omega of lexicographic order and no order of its own
 //! within a colour.
 //!
-//! **Scaling and overflow.** Everything is i32 in ulp. |X|, |Y| <= 2^23, hence |b| <= 2^26;
-//! |p| <= 2^25, hence the sum over neighbours and degree x p are within 2^27 each and
-//! |r| <= 2^26 + 2^28 < 2^29. The step is one rounded multiply-high ([`fixed::mul_q30`]); p is
-//! then saturated to +-2^25. Rounding to nearest leaves at most 0.56 LSB of error, limit cycles
+//! **Scaling and overflow.** Everything is i32 in ulp. |X|, |Y| <= 2^23 and each of four edges has two
+//! of them, hence |b| <= 2^25; |p| <= 3 x 2^23, hence each of four p_j - p is within 3 x 2^24 and
+//! |r| <= 2^25 + 3 x 2^26 = 7 x 2^25 < 2^28. The step is one rounded multiply-high
+//! ([`fixed::mul_q30`]); p is then saturated to +-3 x 2^23. Rounding to nearest leaves at most 0.56 LSB of error, limit cycles
 //! included, at N = 40.
 //!
 //! The right-hand side is absolute (the whole tip/tilt command, not its change) and the solver
@@ -29,17 +29,15 @@
 
 use crate::fixed::{self, PISTON_LIMIT};
 use crate::geometry::Grid;
-use crate::redblack::{COLOURS, RedBlack};
+use crate::redblack::{COLOURS, Place, RedBlack};
 
 /// What a relaxation step needs of the pupil.
 #[derive(Debug)]
 pub struct SorConfig<const M: usize> {
     /// The padded grid.
     pub(crate) grid: Grid,
-    /// omega / degree in Q30; zero where there is no node or no neighbour.
-    pub(crate) step: RedBlack<i32, M>,
-    /// Presence of the neighbours.
-    pub(crate) links: RedBlack<Links, M>,
+    /// Steps and neighbourhoods.
+    pub(crate) couplings: RedBlack<Coupling, M>,
     /// Sweeps of a warm frame.
     pub(crate) warm_sweeps: u16,
     /// Sweeps of the first frame after a reset.
@@ -48,44 +46,70 @@ pub struct SorConfig<const M: usize> {
     pub(crate) sizes: heapless::Vec<u16, M>,
 }
 
-/// What a node's neighbourhood looks like, in one byte: degree in bits 0-2, n_w - n_e in bits 3-4
-/// and n_n - n_s in bits 5-6, both signed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Links(u8);
+/// A node's step omega / degree in Q30, with its neighbourhood in the lowest byte: degree in bits 0-2,
+/// n_w - n_e in bits 3-4 and n_n - n_s in bits 5-6, both signed, and whether there is a subaperture in
+/// bit 7.
+///
+/// The byte is left in where the step is multiplied by: it changes it by less than 2^-22, and the point
+/// where the relaxation comes to rest not at all.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Coupling(i32);
 
-impl Links {
+/// Bits of a coupling that hold its neighbourhood.
+const NEIGHBOURHOOD: i32 = 0xff;
+
+impl Coupling {
     /// A place without a node.
     pub(crate) const NONE: Self = Self(0);
 
-    /// From the presence of the neighbours to the west, east, north and south.
+    /// A node that does not relax yet, from the presence of its neighbours to the west, east, north
+    /// and south.
     pub(crate) const fn new([west, east, north, south]: [bool; 4]) -> Self {
-        let degree = west as u8 + east as u8 + north as u8 + south as u8;
-        let dx = (west as u8).wrapping_sub(east as u8) & 3;
-        let dy = (north as u8).wrapping_sub(south as u8) & 3;
-        Self(degree | dx << 3 | dy << 5)
+        let degree = west as i32 + east as i32 + north as i32 + south as i32;
+        let dx = (west as i32 - east as i32) & 3;
+        let dy = (north as i32 - south as i32) & 3;
+        Self(degree | dx << 3 | dy << 5 | 1 << 7)
+    }
+
+    /// The same node with another step, Q30 in 0 ..= 2^31 - 1; one without neighbours takes none.
+    pub(crate) const fn with_step(self, step_q30: i32) -> Self {
+        let step = if self.degree() == 0 { 0 } else { step_q30 };
+        Self((step & !NEIGHBOURHOOD) | (self.0 & NEIGHBOURHOOD))
+    }
+
+    #[inline(always)]
+    pub(crate) const fn present(self) -> bool {
+        self.0 != 0
     }
 
     #[inline(always)]
     pub(crate) const fn degree(self) -> i32 {
-        (self.0 & 7) as i32
+        self.0 & 7
     }
 
     #[inline(always)]
     const fn dx(self) -> i32 {
-        (self.0 as i32) << 27 >> 30
+        self.0 << 27 >> 30
     }
 
     #[inline(always)]
     const fn dy(self) -> i32 {
-        (self.0 as i32) << 25 >> 30
+        self.0 << 25 >> 30
+    }
+
+    /// r = b + sum of the neighbours - degree p.
+    #[inline(always)]
+    fn residual(self, p: i32, rhs: i32, [w, e, n, s]: [i32; 4]) -> i32 {
+        let around = w.wrapping_add(e).wrapping_add(n.wrapping_add(s));
+        rhs.wrapping_add(around).wrapping_sub(p.wrapping_mul(self.degree()))
     }
 }
 
 /// Where a subaperture is in the solver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Node {
-    /// Padded node.
-    pub(crate) padded: u16,
+    /// In every field on the grid.
+    pub(crate) place: Place,
     /// Connected component, numbered by first subaperture.
     pub(crate) component: u16,
     /// 2x - (N - 1) and 2y - (N - 1): the centre from the pupil's, half pitches.
@@ -95,19 +119,26 @@ pub struct Node {
 impl<const M: usize> SorConfig<M> {
     pub(crate) const EMPTY: Self = Self {
         grid: Grid { stride: 0, nodes: 0 },
-        step: RedBlack::new(0),
-        links: RedBlack::new(Links::NONE),
+        couplings: RedBlack::new(Coupling::NONE),
         warm_sweeps: 0,
         cold_sweeps: 0,
         sizes: heapless::Vec::new(),
     };
 }
 
+/// What a node's relaxation takes from outside: its coupling, copied so that one read brings both, and
+/// its right-hand side.
+#[derive(Clone, Copy, Debug, Default)]
+struct Term {
+    coupling: Coupling,
+    rhs: i32,
+}
+
 /// Pistons and right-hand side of the relaxation.
 #[derive(Debug)]
 pub struct Sor<const M: usize> {
     piston: RedBlack<i32, M>,
-    rhs: RedBlack<i32, M>,
+    terms: RedBlack<Term, M>,
     /// Sum, then mean, of the pistons of each component, ulp.
     means: [i64; M],
 }
@@ -121,109 +152,128 @@ impl<const M: usize> Default for Sor<M> {
 impl<const M: usize> Sor<M> {
     /// Zero pistons.
     pub const fn new() -> Self {
-        Self { piston: RedBlack::new(0), rhs: RedBlack::new(0), means: [0; M] }
+        let nothing = Term { coupling: Coupling::NONE, rhs: 0 };
+        Self { piston: RedBlack::new(0), terms: RedBlack::new(nothing), means: [0; M] }
     }
 
-    /// The right-hand side from tip and tilt, ulp, which are zero outside the mask.
-    pub fn load(&mut self, config: &SorConfig<M>, tip: &RedBlack<i32, M>, tilt: &RedBlack<i32, M>) {
+    /// The right-hand side from tips and tilts, ulp, which are zero outside the mask.
+    pub fn load(&mut self, config: &SorConfig<M>, tilts: &RedBlack<[i32; 2], M>) {
         let grid = &config.grid;
         for colour in COLOURS {
-            let own = tip.nodes(grid, colour).iter().zip(tilt.nodes(grid, colour));
-            let sides = tip.sides(grid, colour).iter().zip(tilt.sides(grid, colour).iter());
-            let links = config.links.nodes(grid, colour);
-            let rhs = self.rhs.nodes_mut(grid, colour).iter_mut();
-            for (((rhs, links), (&x, &y)), ([xw, xe, _, _], [_, _, yn, ys])) in
-                rhs.zip(links).zip(own).zip(sides)
+            let own = tilts.nodes(grid, colour).iter().zip(tilts.sides(grid, colour).iter());
+            let couplings = config.couplings.nodes(grid, colour);
+            let terms = self.terms.nodes_mut(grid, colour).iter_mut();
+            for ((term, &coupling), (&[x, y], [[xw, _], [xe, _], [_, yn], [_, ys]])) in
+                terms.zip(couplings).zip(own)
             {
-                let across = xw.wrapping_sub(xe).wrapping_add(x.wrapping_mul(links.dx()));
-                let down = yn.wrapping_sub(ys).wrapping_add(y.wrapping_mul(links.dy()));
-                *rhs = across.wrapping_add(down);
+                let across = xw.wrapping_sub(xe).wrapping_add(x.wrapping_mul(coupling.dx()));
+                let down = yn.wrapping_sub(ys).wrapping_add(y.wrapping_mul(coupling.dy()));
+                *term = Term { coupling, rhs: across.wrapping_add(down) };
             }
         }
     }
 
     /// Relaxes `sweeps` times, red nodes then black ones.
     pub fn relax(&mut self, config: &SorConfig<M>, sweeps: u16) {
-        let grid = &config.grid;
         for _ in 0..sweeps {
             for colour in COLOURS {
-                let (own, sides) = self.piston.nodes_and_sides(grid, colour);
-                let step = config.step.nodes(grid, colour);
-                let links = config.links.nodes(grid, colour);
-                let rhs = self.rhs.nodes(grid, colour);
-                let nodes = own.iter_mut().zip(step).zip(links).zip(rhs);
-                for ((((p, &step), &links), &rhs), sides) in nodes.zip(sides.iter()) {
-                    let r = residual(*p, links, rhs, sides);
-                    let next = p.wrapping_add(fixed::mul_q30(step, r));
-                    *p = fixed::clamp(next, PISTON_LIMIT);
-                }
+                self.relax_colour(&config.grid, colour);
             }
         }
     }
 
-    /// The sum of (r / 8)^2 over all nodes that have a neighbour, ulp^2 / 64.
+    /// Not inlined: it needs all registers.
+    #[inline(never)]
+    fn relax_colour(&mut self, grid: &Grid, colour: usize) {
+        let (own, sides) = self.piston.nodes_and_sides(grid, colour);
+        let terms = self.terms.nodes(grid, colour);
+        for ((p, &Term { coupling, rhs }), sides) in own.iter_mut().zip(terms).zip(sides.iter()) {
+            if !coupling.present() {
+                continue;
+            }
+            let r = coupling.residual(*p, rhs, sides);
+            let next = p.wrapping_add(fixed::mul_q30(coupling.0, r));
+            *p = fixed::clamp(next, PISTON_LIMIT);
+        }
+    }
+
+    /// The sum of (r / 8)^2 over all nodes, ulp^2 / 64.
     ///
     /// r is that of the unnormalised Laplacian, so that the error obeys |e| <= |r| / lambda_2.
-    /// |r / 8| < 2^26 and at most 1600 nodes: below 2^63.
+    /// |r / 8| < 2^25 and at most 1600 nodes: below 2^61.
     pub fn residual_squared(&self, config: &SorConfig<M>) -> u64 {
         let grid = &config.grid;
         let mut total = 0u64;
         for colour in COLOURS {
-            let step = config.step.nodes(grid, colour);
-            let links = config.links.nodes(grid, colour);
-            let rhs = self.rhs.nodes(grid, colour);
-            let nodes = self.piston.nodes(grid, colour).iter().zip(step).zip(links).zip(rhs);
+            let nodes = self.piston.nodes(grid, colour).iter().zip(self.terms.nodes(grid, colour));
             let sides = self.piston.sides(grid, colour);
-            for ((((&p, &step), &links), &rhs), sides) in nodes.zip(sides.iter()) {
-                let r = residual(p, links, rhs, sides).wrapping_mul(i32::from(step != 0)) >> 3;
-                total = total.wrapping_add(i64::from(r).wrapping_mul(i64::from(r)) as u64);
+            for ((&p, &Term { coupling, rhs }), sides) in nodes.zip(sides.iter()) {
+                if coupling.present() {
+                    let r = coupling.residual(p, rhs, sides) >> 3;
+                    total = total.wrapping_add(i64::from(r).wrapping_mul(i64::from(r)) as u64);
+                }
             }
         }
         total
     }
 
     /// Takes the mean piston off each connected component.
+    pub fn remove_means(&mut self, config: &SorConfig<M>, nodes: &[Node]) {
+        self.find_means(config, nodes);
+        for node in nodes {
+            self.centred_piston(*node);
+        }
+    }
+
+    /// The mean piston of each connected component.
     ///
     /// The mean is the sum (below 1600 x 2^25 < 2^36) times the floor of 2^24 / size, i64. The
     /// reciprocal is low by less than size / 2^24 of itself, which of a mean that was zero a
     /// frame ago leaves nothing.
-    pub fn remove_means(&mut self, config: &SorConfig<M>, nodes: &[Node]) {
+    pub(crate) fn find_means(&mut self, config: &SorConfig<M>, nodes: &[Node]) {
         let components = config.sizes.len();
         self.means.iter_mut().take(components).for_each(|sum| *sum = 0);
-        for node in nodes {
-            let p = self.piston(*node);
-            if let Some(sum) = self.means.get_mut(usize::from(node.component)) {
-                *sum = sum.wrapping_add(i64::from(p));
+        if let Some(sum) = self.means.first_mut()
+            && components == 1
+        {
+            for colour in COLOURS {
+                // Where there is no node the piston is zero.
+                for &p in self.piston.nodes(&config.grid, colour) {
+                    *sum = sum.wrapping_add(i64::from(p));
+                }
+            }
+        } else {
+            for node in nodes {
+                let p = self.piston(*node);
+                if let Some(sum) = self.means.get_mut(usize::from(node.component)) {
+                    *sum = sum.wrapping_add(i64::from(p));
+                }
             }
         }
         for (sum, &size) in self.means.iter_mut().zip(&config.sizes) {
             let inverse = (1 << 24) / u32::from(size.max(1));
             *sum = fixed::round_shift(sum.wrapping_mul(i64::from(inverse)), 24);
         }
-        for node in nodes {
-            let mean = self.means.get(usize::from(node.component)).copied().unwrap_or(0) as i32;
-            if let Some(p) = self.piston.get_mut(node.padded) {
-                // |p| and |mean| are within 2^25; a pathological component may need the limit.
-                *p = fixed::clamp(p.wrapping_sub(mean), PISTON_LIMIT);
-            }
-        }
+    }
+
+    /// Takes the mean off one piston, ulp, and tells it.
+    #[inline(always)]
+    pub(crate) fn centred_piston(&mut self, node: Node) -> i32 {
+        let mean = self.means.get(usize::from(node.component)).copied().unwrap_or(0) as i32;
+        let Some(p) = self.piston.get_mut(node.place) else { return 0 };
+        // |p| and |mean| are within 2^25; a pathological component may need the limit.
+        *p = fixed::clamp(p.wrapping_sub(mean), PISTON_LIMIT);
+        *p
     }
 
     /// The piston of a subaperture, ulp.
     #[inline(always)]
     pub fn piston(&self, node: Node) -> i32 {
-        self.piston.get(node.padded).copied().unwrap_or(0)
+        self.piston.get(node.place).copied().unwrap_or(0)
     }
 
     /// Forgets the pistons: the next frame starts cold.
     pub fn reset(&mut self) {
         self.piston.fill(0);
     }
-}
-
-/// r = b + sum of the neighbours - degree p.
-#[inline(always)]
-fn residual(p: i32, links: Links, rhs: i32, [w, e, n, s]: [i32; 4]) -> i32 {
-    let around = w.wrapping_add(e).wrapping_add(n).wrapping_add(s);
-    rhs.wrapping_add(around).wrapping_sub(p.wrapping_mul(links.degree()))
 }

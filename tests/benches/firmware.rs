@@ -9,7 +9,7 @@ use splash_firmware::config::Config;
 use splash_firmware::geometry::{Grid, Mask};
 use splash_firmware::pipeline::Pipeline;
 use splash_firmware::pixels::Convention;
-use splash_firmware::redblack::RedBlack;
+use splash_firmware::redblack::{Place, RedBlack};
 use splash_firmware::sor::Sor;
 use splash_firmware::spec::Estimator;
 use splash_tests::frames::{Background, Rng, frame, scattered};
@@ -93,16 +93,14 @@ fn sweeps(criterion: &mut Criterion) {
         let config = instrument.config::<1600, 25600, 0>();
         let grid = Grid::new(across);
         let mut rng = Rng::new(3);
-        let mut tilts = [RedBlack::<i32, 1600>::new(0), RedBlack::new(0)];
+        let mut tilts = RedBlack::<[i32; 2], 1600>::new([0; 2]);
         for (x, y) in instrument.mask.cells() {
-            for tilt in &mut tilts {
-                let place = tilt.get_mut(grid.node(x, y) as u16).expect("on the grid");
-                *place = rng.between(-1_000_000, 1_000_000);
-            }
+            let place = Place::new::<1600>(grid.node(x, y));
+            let tilt = tilts.get_mut(place).expect("on the grid");
+            *tilt = [0; 2].map(|_: i32| rng.between(-1_000_000, 1_000_000));
         }
         let mut sor = Box::new(Sor::new());
-        let [tip, tilt] = &tilts;
-        sor.load(config.solver(), tip, tilt);
+        sor.load(config.solver(), &tilts);
         group.throughput(Throughput::Elements(instrument.count() as u64));
         group.bench_function(BenchmarkId::from_parameter(across), |bencher| {
             bencher.iter(|| black_box(&mut sor).relax(config.solver(), black_box(1)));

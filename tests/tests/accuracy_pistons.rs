@@ -6,7 +6,7 @@ use splash_firmware::config::Config;
 use splash_firmware::fixed::{PISTON_LIMIT, TILT_LIMIT};
 use splash_firmware::geometry::{Grid, Mask};
 use splash_firmware::pipeline::Pipeline;
-use splash_firmware::redblack::RedBlack;
+use splash_firmware::redblack::{Place, RedBlack};
 use splash_firmware::sor::Sor;
 use splash_firmware::spec::SorSpec;
 use splash_tests::frames::{self, Rng};
@@ -25,7 +25,7 @@ struct Solver {
     grid: Grid,
     cells: Vec<(usize, usize)>,
     sor: Box<Sor<CELLS>>,
-    field: Box<[RedBlack<i32, CELLS>; 2]>,
+    field: Box<RedBlack<[i32; 2], CELLS>>,
 }
 
 impl Solver {
@@ -35,20 +35,17 @@ impl Solver {
             grid: Grid::new(mask.across()),
             cells: mask.cells().collect(),
             sor: Box::default(),
-            field: Box::new([const { RedBlack::new(0) }; 2]),
+            field: Box::new(RedBlack::new([0; 2])),
         }
     }
 
     /// Loads tips and tilts, ulp, and relaxes.
     fn relax(&mut self, tilts: &[[i32; 2]], sweeps: u16) {
-        for (&(x, y), tilts) in self.cells.iter().zip(tilts) {
-            let padded = self.grid.node(x, y) as u16;
-            for (field, &tilt) in self.field.iter_mut().zip(tilts) {
-                *field.get_mut(padded).expect("on the grid") = tilt;
-            }
+        for (&(x, y), &tilts) in self.cells.iter().zip(tilts) {
+            let place = Place::new::<CELLS>(self.grid.node(x, y));
+            *self.field.get_mut(place).expect("on the grid") = tilts;
         }
-        let [tip, tilt] = &*self.field;
-        self.sor.load(self.config.solver(), tip, tilt);
+        self.sor.load(self.config.solver(), &self.field);
         self.sor.relax(self.config.solver(), sweeps);
     }
 

@@ -7,10 +7,11 @@
 //! | USUB16, SEL | the larger of two, the saturated ones |
 //!
 //! SMLAD is signed. Up to 15 bits a signal is what it is; of 16 bits its top bit is flipped, which
-//! makes it less by 2^15: weights 2x - (W - 1) add up to zero over a row, so that this cancels in the
-//! moment, and of the sum it is taken back.
+//! makes it less by 2^15: the distances of pixels from the window's centre add up to zero over a row,
+//! so that this cancels in the moment, and of the sum it is taken back.
 
-use super::{put_word, word};
+use super::{Rows, put_word, word};
+use crate::centroid::RowSums;
 use crate::pixels::{Cut, Seen};
 
 /// Highest raw value of which no bit needs flipping.
@@ -95,52 +96,158 @@ fn both(x: u16) -> u32 {
     u32::from(x).wrapping_mul(ONES)
 }
 
-/// See [`crate::centroid::floored_row_moments`].
+/// See [`crate::centroid::floored_moments`].
 #[inline(always)]
-pub(crate) fn row_moments<const N: usize>(
-    raw: &[u32; N],
-    floor: &[u32; N],
-    cut: Cut,
-) -> (u32, i32) {
+pub(crate) fn sums<const N: usize>(rows: Rows<'_, N>, cut: Cut) -> RowSums {
     if cut.top <= SIGNED_TOP {
-        signed_moments(raw, floor, cut, 0)
+        signed_sums::<N, false>(rows, cut)
     } else {
-        let (sum, x) = signed_moments(raw, floor, cut, both(1 << 15));
-        (sum.wrapping_add((2 * N as u32) << 15), x)
+        let RowSums { sum, x, running } = signed_sums::<N, true>(rows, cut);
+        // What the flipped bits took from each row, and from each row's running sum.
+        let (row, count) = ((2 * N as u32) << 15, rows.count() as u32);
+        let running = running.wrapping_add((row >> 1).wrapping_mul(count.wrapping_mul(count + 1)));
+        RowSums { sum: sum.wrapping_add(row.wrapping_mul(count)), x, running }
     }
 }
 
-/// Sum and moment of the signals with the bits of `flip` inverted, as signed numbers.
+/// Half pixels from one word to the next, in both lanes.
+const WORD: u32 = 4 * ONES;
+
+/// Sums of the signals, of which the top bits are inverted if `FLIP`, as signed numbers.
+///
+/// Pixel x is weighted with 2x, which no step from word to word carries over between lanes; the window's
+/// centre is taken off the sum.
 #[inline(always)]
-fn signed_moments<const N: usize>(
-    raw: &[u32; N],
-    floor: &[u32; N],
-    cut: Cut,
-    flip: u32,
-) -> (u32, i32) {
-    let excess = both(cut.excess);
-    let last = 2 * N as i16 - 1;
-    let (mut sum, mut x) = (0, 0);
-    for (k, (&raw, &floor)) in raw.iter().zip(floor).enumerate() {
-        let signal = uqsub16(uqsub16(raw, floor), excess) ^ flip;
-        let first = 4 * k as i16 - last;
-        sum = smlad(signal, ONES, sum);
-        x = smlad(signal, word(&[first as u16, (first + 2) as u16]), x);
+fn signed_sums<const N: usize, const FLIP: bool>(rows: Rows<'_, N>, cut: Cut) -> RowSums {
+    let RowSums { sum, x, running } = row::sums::<N, FLIP>(rows, both(cut.excess));
+    let centre = (sum as i32).wrapping_mul(2 * N as i32 - 1);
+    RowSums { sum, x: x.wrapping_sub(centre), running }
+}
+
+/// Weights of the first word.
+const FIRST: u32 = 2 << 16;
+
+/// One word after the other.
+#[inline(always)]
+fn word_sums<const N: usize, const FLIP: bool>(rows: Rows<'_, N>, excess: u32) -> RowSums {
+    let flip = if FLIP { both(1 << 15) } else { 0 };
+    let (mut sum, mut x, mut running) = (0, 0, 0u32);
+    rows.each(|raw, floor| {
+        let mut weight = FIRST;
+        for (&raw, &floor) in raw.iter().zip(floor) {
+            let signal = uqsub16(uqsub16(raw, floor), excess) ^ flip;
+            sum = smlad(signal, ONES, sum);
+            x = smlad(signal, weight, x);
+            weight = weight.wrapping_add(WORD);
+        }
+        running = running.wrapping_add(sum);
+    });
+    RowSums { sum, x: x as i32, running }
+}
+
+#[cfg(not(armv7em))]
+mod row {
+    pub(super) use super::word_sums as sums;
+}
+
+/// The rows of the common windows in instructions of their own: words are loaded by two, weights are
+/// counted up in a register, and twelve registers are all that there are.
+#[cfg(armv7em)]
+mod row {
+    use super::{FIRST, ONES, RowSums, Rows, word_sums};
+    use core::arch::asm;
+
+    /// Two words.
+    macro_rules! words {
+        (true) => {
+            words!("eor {a}, {a}, #0x80008000\n eor {b}, {b}, #0x80008000\n")
+        };
+        ($flip:literal) => {
+            concat!(
+                "ldrd {a}, {b}, [{raw}], #8\n ldrd {c}, {d}, [{floor}], #8\n",
+                "uqsub16 {a}, {a}, {c}\n uqsub16 {b}, {b}, {d}\n",
+                "uqsub16 {a}, {a}, {excess}\n uqsub16 {b}, {b}, {excess}\n",
+                $flip,
+                "smlad {sum}, {a}, {ones}, {sum}\n smlad {x}, {a}, {weight}, {x}\n",
+                "add {weight}, {weight}, #0x00040004\n",
+                "smlad {sum}, {b}, {ones}, {sum}\n smlad {x}, {b}, {weight}, {x}\n",
+                "add {weight}, {weight}, #0x00040004\n",
+            )
+        };
     }
-    (sum, x as i32)
+
+    /// Rows of words; then the weight goes back to the first.
+    macro_rules! rows {
+        ($weights:literal, $($words:expr),*) => {
+            concat!(
+                "sub sp, sp, #8\n str {c}, [sp]\n str {d}, [sp, #4]\n",
+                "2:\n", $($words,)*
+                "sub {weight}, {weight}, #", $weights, "\n add {running}, {running}, {sum}\n",
+                "ldr {d}, [sp, #4]\n ldr {c}, [sp]\n add {raw}, {raw}, {d}\n",
+                "cmp {floor}, {c}\n bne 2b\n add sp, sp, #8\n",
+            )
+        };
+    }
+
+    /// See [`word_sums`].
+    #[inline(always)]
+    pub(super) fn sums<const N: usize, const FLIP: bool>(
+        rows: Rows<'_, N>,
+        excess: u32,
+    ) -> RowSums {
+        let Rows { raw, stride, floor } = rows;
+        let floors = floor.as_flattened().as_ptr_range();
+        if !(N == 4 || N == 8) || floor.is_empty() {
+            return word_sums::<N, FLIP>(rows, excess);
+        }
+        // Bytes from the end of a row to the start of the next.
+        let gap = stride.wrapping_sub(N).wrapping_mul(4);
+        let (mut sum, mut x, mut running) = (0u32, 0u32, 0u32);
+        macro_rules! run {
+            ($code:expr) => {{
+                // SAFETY: the instructions read the rows only, of which there is one at least and all
+                // of which `Rows::new` found in their slices, at their alignment. They write registers
+                // that are given here, the status flags, which count as changed, and two words of the
+                // stack, which they give back.
+                #[allow(unsafe_code)]
+                unsafe {
+                    asm!($code,
+                        raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floors.start => _,
+                        excess = in(reg) excess, ones = in(reg) ONES, weight = inout(reg) FIRST => _,
+                        sum = inout(reg) sum, x = inout(reg) x, running = inout(reg) running,
+                        a = out(reg) _, b = out(reg) _,
+                        c = inout(reg) floors.end => _, d = inout(reg) gap => _,
+                        options(readonly));
+                };
+            }};
+        }
+        match (N, FLIP) {
+            (4, false) => run!(rows!("0x00100010", words!(""), words!(""))),
+            (4, true) => run!(rows!("0x00100010", words!(true), words!(true))),
+            (_, false) => {
+                run!(rows!("0x00200020", words!(""), words!(""), words!(""), words!("")));
+            }
+            (_, true) => {
+                run!(rows!("0x00200020", words!(true), words!(true), words!(true), words!(true)))
+            }
+        }
+        RowSums { sum, x: x as i32, running }
+    }
 }
 
 /// See [`crate::pixels::Seen::note`].
 #[inline(always)]
-pub(crate) fn note<const N: usize>(raw: &[u32; N], floor: &[u32; N], cut: Cut, seen: &mut Seen) {
+pub(crate) fn note<const N: usize>(rows: Rows<'_, N>, cut: Cut, seen: &mut Seen) {
     let (excess, white) = (both(cut.excess), both(cut.saturation));
     let (mut peak, mut saturated) = (word(&seen.peak), word(&seen.saturated));
-    for (&raw, &floor) in raw.iter().zip(floor) {
-        let signal = uqsub16(uqsub16(raw, floor), excess);
-        peak = larger(signal, peak);
-        let lit = reached(signal, ONES, ONES, 0);
-        saturated = saturated.wrapping_add(reached(raw, white, lit, 0));
-    }
+    rows.each(|raw, floor| {
+        for (&raw, &floor) in raw.iter().zip(floor) {
+            let signal = uqsub16(uqsub16(raw, floor), excess);
+            peak = larger(signal, peak);
+            let lit = reached(signal, ONES, ONES, 0);
+            saturated = saturated.wrapping_add(reached(raw, white, lit, 0));
+        }
+    });
     put_word(&mut seen.peak, peak);
     put_word(&mut seen.saturated, saturated);
 }
@@ -148,24 +255,15 @@ pub(crate) fn note<const N: usize>(raw: &[u32; N], floor: &[u32; N], cut: Cut, s
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::packed;
-    use crate::dsp::tests::{compare, rows};
-
-    fn agree<const N: usize>(top: u16) {
-        rows(2 * N, top, |raw, floor, cut| {
-            let (words, floors) = packed::<N>(raw, floor).expect("aligned");
-            let moments = || row_moments(words, floors, cut);
-            compare(raw, floor, cut, moments, |seen| note(words, floors, cut, seen));
-        });
-    }
+    use crate::dsp::tests::agree;
 
     #[test]
     fn packed_and_portable_agree_to_the_bit() {
         for bits in [12, 15, 16] {
             let top = ((1u32 << bits) - 1) as u16;
-            agree::<4>(top);
-            agree::<8>(top);
-            agree::<16>(top);
+            agree::<4>(top, sums, note);
+            agree::<8>(top, sums, note);
+            agree::<16>(top, sums, note);
         }
     }
 }

@@ -9,7 +9,7 @@
 //! s = d where its top bit is set, less that bit, else 0
 //! ```
 
-use super::{put_word, word, words};
+use super::{Rows, put_word, word};
 use crate::centroid::RowSums;
 use crate::pixels::{Cut, Seen};
 
@@ -60,11 +60,10 @@ struct Watch {
     saturated: u32,
 }
 
-/// What is done to rows of `N` words. The floors of all of them follow each other; their pixels start
-/// at `raw`, each row `stride` words after the last.
+/// What is done to rows.
 #[cfg(target_arch = "riscv32")]
 mod row {
-    use super::{ONES, SIGNS, Sums, WORDS, Watch};
+    use super::{ONES, Rows, SIGNS, Sums, WORDS, Watch};
     use core::arch::asm;
 
     /// Instructions on each row, which has `bytes`. The loop is entered at its end, so that its time
@@ -125,21 +124,17 @@ mod row {
         };
     }
 
-    /// The sums of the rows of `floor`, of which the last is in `raw`; `N` is 4 or 8.
+    /// The sums of rows; `N` is 4 or 8.
     #[inline(always)]
-    pub(super) fn sums<const N: usize>(
-        raw: &[u32],
-        stride: usize,
-        floor: &[[u32; N]],
-        open: u32,
-    ) -> Sums {
+    pub(super) fn sums<const N: usize>(rows: Rows<'_, N>, open: u32) -> Sums {
+        let Rows { raw, stride, floor } = rows;
         let floor = floor.as_flattened().as_ptr_range();
         let [mut k0, mut k1, mut k2, mut k3, mut k4, mut k5, mut k6, mut k7] = [0u32; WORDS];
         let (mut sum, mut running) = (0u32, 0u32);
         macro_rules! run {
             ($code:expr; $($column:ident),*) => {
                 // SAFETY: the instructions write registers that are given here and no memory, and
-                // read the rows only, which the caller says are in their slices.
+                // read the rows only, which `Rows::new` found in their slices.
                 #[allow(unsafe_code)]
                 unsafe {
                     asm!($code,
@@ -233,14 +228,10 @@ mod row {
         };
     }
 
-    /// Looks at the rows of `floor`, of which the last is in `raw`; `N` is 4 or 8.
+    /// Looks at rows; `N` is 4 or 8.
     #[inline(always)]
-    pub(super) fn note<const N: usize>(
-        watch: &mut Watch,
-        raw: &[u32],
-        stride: usize,
-        floor: &[[u32; N]],
-    ) {
+    pub(super) fn note<const N: usize>(watch: &mut Watch, rows: Rows<'_, N>) {
+        let Rows { raw, stride, floor } = rows;
         let floor = floor.as_flattened().as_ptr_range();
         macro_rules! run {
             ($code:expr) => {
@@ -276,7 +267,7 @@ mod row {
 /// The same in portable arithmetic, so that the kernel can be tested on a PC.
 #[cfg(not(target_arch = "riscv32"))]
 mod row {
-    use super::{ONES, SIGNS, Sums, Watch};
+    use super::{ONES, Rows, SIGNS, Sums, Watch};
 
     /// The lanes whose top bit is set, without it; zero for the others.
     fn positive(d: u32) -> u32 {
@@ -284,179 +275,98 @@ mod row {
         d & signs.wrapping_sub(signs >> 15)
     }
 
-    fn each<'a, const N: usize>(
-        raw: &'a [u32],
-        stride: usize,
-        floor: &'a [[u32; N]],
-    ) -> impl Iterator<Item = impl Iterator<Item = (u32, u32)>> {
-        let rows = floor.iter().enumerate();
-        rows.map(move |(k, floor)| {
-            raw[k * stride..][..N].iter().zip(floor).map(|(&raw, &floor)| (raw, floor))
-        })
-    }
-
-    pub(super) fn sums<const N: usize>(
-        raw: &[u32],
-        stride: usize,
-        floor: &[[u32; N]],
-        open: u32,
-    ) -> Sums {
+    pub(super) fn sums<const N: usize>(rows: Rows<'_, N>, open: u32) -> Sums {
         let mut sums = Sums::default();
-        for row in each(raw, stride, floor) {
-            for ((raw, floor), column) in row.zip(&mut sums.columns) {
-                let signal = positive(raw.wrapping_add(open).wrapping_sub(floor));
+        rows.each(|raw, floor| {
+            for ((raw, floor), column) in raw.iter().zip(floor).zip(&mut sums.columns) {
+                let signal = positive(raw.wrapping_add(open).wrapping_sub(*floor));
                 *column += signal;
                 sums.sum += (signal & 0xffff) + (signal >> 16);
             }
             sums.running += sums.sum;
-        }
+        });
         sums
     }
 
-    pub(super) fn note<const N: usize>(
-        watch: &mut Watch,
-        raw: &[u32],
-        stride: usize,
-        floor: &[[u32; N]],
-    ) {
-        for (raw, floor) in each(raw, stride, floor).flatten() {
-            let raised = raw.wrapping_add(watch.raise).wrapping_sub(floor);
-            watch.room -= positive(raised.wrapping_add(watch.room));
-            let counts = raw.wrapping_add(watch.white) & raised.wrapping_add(watch.lit);
-            watch.saturated += (counts >> 15) & ONES;
-        }
+    pub(super) fn note<const N: usize>(watch: &mut Watch, rows: Rows<'_, N>) {
+        rows.each(|raw, floor| {
+            for (raw, floor) in raw.iter().zip(floor) {
+                let raised = raw.wrapping_add(watch.raise).wrapping_sub(*floor);
+                watch.room -= positive(raised.wrapping_add(watch.room));
+                let counts = raw.wrapping_add(watch.white) & raised.wrapping_add(watch.lit);
+                watch.saturated += (counts >> 15) & ONES;
+            }
+        });
     }
 }
 
-/// Consecutive rows of a window in words, two pixels each.
-#[derive(Clone, Copy)]
-pub(crate) struct Rows<'a, const N: usize> {
-    /// From the first word of the first row to the last of the last one at least.
-    raw: &'a [u32],
-    /// Words from one row to the next.
-    stride: usize,
-    floor: &'a [[u32; N]],
+/// Whether rows are of this module's kind: of 4 or 8 words of 12 bits, and no more of them than a square
+/// window has.
+#[inline(always)]
+pub(crate) const fn takes<const N: usize>(rows: &Rows<'_, N>, cut: Cut) -> bool {
+    (N == 4 || N == 8) && cut.top <= TOP && rows.count() <= 2 * N
 }
 
-impl<'a, const N: usize> Rows<'a, N> {
-    /// The rows of `floor`; those of `raw` are `stride` pixels apart. `None` where they are not of
-    /// this module's kind: 4 or 8 words of 12 bits a row, each row at a word's address, and no more
-    /// of them than a square window has.
-    #[inline(always)]
-    pub(crate) fn new(raw: &'a [u16], stride: usize, floor: &'a [u16], cut: Cut) -> Option<Self> {
-        if !(N == 4 || N == 8) || cut.top > TOP || !stride.is_multiple_of(2) {
-            return None;
-        }
-        let (raw, stride) = (words(raw)?, stride / 2);
-        let (floor, _) = words(floor)?.as_chunks();
-        let last = floor.len().saturating_sub(1).checked_mul(stride)?;
-        let fits = floor.len() <= 2 * N && raw.len() >= last.checked_add(N)?;
-        fits.then_some(Self { raw, stride, floor })
+/// See [`crate::centroid::floored_moments`].
+#[inline(always)]
+pub(crate) fn sums<const N: usize>(rows: Rows<'_, N>, cut: Cut) -> RowSums {
+    let open = SIGNS.wrapping_sub(both(cut.excess));
+    let Sums { columns, sum, running } = row::sums(rows, open);
+    // From the last word to the second, the sums of those met add up to k times word k.
+    let (mut met, mut words, mut second) = (0u32, 0u32, 0u32);
+    for column in columns.into_iter().take(N).skip(1).rev() {
+        let high = column >> 16;
+        met = met.wrapping_add(column & 0xffff).wrapping_add(high);
+        words = words.wrapping_add(met);
+        second = second.wrapping_add(high);
     }
+    let second = columns.first().map_or(0, |first| second.wrapping_add(first >> 16));
+    // Half pixels: 4 word + 2 lane - (W - 1), W = 2 N.
+    let x = words.wrapping_mul(4).wrapping_add(second.wrapping_mul(2));
+    let x = x.wrapping_sub(sum.wrapping_mul(2 * N as u32 - 1)) as i32;
+    RowSums { sum, x, running }
+}
 
-    /// See [`crate::centroid::floored_moments`].
-    #[inline(always)]
-    pub(crate) fn sums(self, cut: Cut) -> RowSums {
-        let open = SIGNS.wrapping_sub(both(cut.excess));
-        let Sums { columns, sum, running } = row::sums(self.raw, self.stride, self.floor, open);
-        // From the last word to the second, the sums of those met add up to k times word k.
-        let (mut met, mut words, mut second) = (0u32, 0u32, 0u32);
-        for column in columns.into_iter().take(N).skip(1).rev() {
-            let high = column >> 16;
-            met = met.wrapping_add(column & 0xffff).wrapping_add(high);
-            words = words.wrapping_add(met);
-            second = second.wrapping_add(high);
-        }
-        let second = columns.first().map_or(0, |first| second.wrapping_add(first >> 16));
-        // Half pixels: 4 word + 2 lane - (W - 1), W = 2 N.
-        let x = words.wrapping_mul(4).wrapping_add(second.wrapping_mul(2));
-        let x = x.wrapping_sub(sum.wrapping_mul(2 * N as u32 - 1)) as i32;
-        RowSums { sum, x, running }
-    }
-
-    /// See [`crate::pixels::Seen::note`].
-    #[inline(always)]
-    pub(crate) fn note(self, cut: Cut, seen: &mut Seen) {
-        let mut watch = Watch {
-            raise: both(RAISE.wrapping_sub(cut.excess)),
-            white: SIGNS.wrapping_sub(both(cut.saturation)),
-            lit: SIGNS.wrapping_sub(both(RAISE + 1)),
-            room: SIGNS.wrapping_sub(word(&seen.peak).wrapping_add(both(RAISE))),
-            saturated: word(&seen.saturated),
-        };
-        row::note(&mut watch, self.raw, self.stride, self.floor);
-        put_word(&mut seen.peak, SIGNS.wrapping_sub(watch.room).wrapping_sub(both(RAISE)));
-        put_word(&mut seen.saturated, watch.saturated);
-    }
+/// See [`crate::pixels::Seen::note`].
+#[inline(always)]
+pub(crate) fn note<const N: usize>(rows: Rows<'_, N>, cut: Cut, seen: &mut Seen) {
+    let mut watch = Watch {
+        raise: both(RAISE.wrapping_sub(cut.excess)),
+        white: SIGNS.wrapping_sub(both(cut.saturation)),
+        lit: SIGNS.wrapping_sub(both(RAISE + 1)),
+        room: SIGNS.wrapping_sub(word(&seen.peak).wrapping_add(both(RAISE))),
+        saturated: word(&seen.saturated),
+    };
+    row::note(&mut watch, rows);
+    put_word(&mut seen.peak, SIGNS.wrapping_sub(watch.room).wrapping_sub(both(RAISE)));
+    put_word(&mut seen.saturated, watch.saturated);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::centroid::{portable_floored_moments, signals};
-    use crate::dsp::tests::{halves, rows};
-
-    /// Room between one row of a block and the next, pixels.
-    const GAP: usize = 6;
-
-    fn agree<const N: usize>() {
-        let (size, stride) = (2 * N, 2 * N + GAP);
-        // Words, so that they start at a word's address.
-        let (mut raw, mut floor) = (Vec::new(), Vec::new());
-        let mut longest = 1;
-        rows(size, TOP, |row, floors, cut| {
-            let pairs = |pixels: &[u16]| -> Vec<u32> {
-                let (pairs, _) = pixels.as_chunks::<2>();
-                pairs.iter().map(|&[a, b]| u32::from(a) | u32::from(b) << 16).collect()
-            };
-            raw.extend(pairs(row));
-            floor.extend(pairs(floors));
-            if floor.len() == longest * N {
-                let (raw_halves, floor_halves) = (halves(&raw), halves(&floor));
-                let kernel = Rows::<N>::new(raw_halves, stride, floor_halves, cut).expect("words");
-                let expected =
-                    portable_floored_moments(raw_halves, stride, floor_halves, size, cut);
-                assert_eq!(kernel.sums(cut), expected, "{raw_halves:?} {floor_halves:?} {cut:?}");
-                let (mut noted, mut expected) = (Seen::NOTHING, Seen::NOTHING);
-                // Twice: rows add to what was seen before.
-                for _ in 0..2 {
-                    kernel.note(cut, &mut noted);
-                    for (raw, floor) in raw_halves.chunks(stride).zip(floor_halves.chunks(size)) {
-                        expected.note(signals(&raw[..size], floor, cut), &raw[..size], cut);
-                    }
-                    assert_eq!(
-                        noted.all(),
-                        expected.all(),
-                        "{raw_halves:?} {floor_halves:?} {cut:?}"
-                    );
-                }
-                raw.clear();
-                floor.clear();
-                longest = longest % size + 1;
-            } else {
-                // White, so that whatever looks between the rows is seen to.
-                raw.extend([u32::MAX; GAP / 2]);
-            }
-        });
-    }
+    use crate::dsp::tests::agree;
 
     #[test]
     fn packed_and_portable_agree_to_the_bit() {
-        agree::<4>();
-        agree::<8>();
+        agree::<4>(TOP, sums, note);
+        agree::<8>(TOP, sums, note);
     }
 
     #[test]
-    fn other_rows_are_left_to_the_portable_kernel() {
-        rows(8, u16::MAX, |raw, floor, cut| {
-            let rows = |raw, stride, cut| Rows::<4>::new(raw, stride, floor, cut).is_some();
-            assert!(!rows(raw, 8, cut), "16 bits");
-            let narrow = Cut { top: TOP, ..cut };
-            assert!(rows(raw, 8, narrow));
-            assert!(!rows(&raw[1..], 8, narrow), "not aligned");
-            assert!(!rows(&raw[2..], 8, narrow), "too short");
-            assert!(!rows(raw, 9, narrow), "later rows would not be aligned");
-            assert!(Rows::<2>::new(raw, 8, floor, narrow).is_none(), "too few words");
-        });
+    fn other_rows_are_not_taken() {
+        let (raw, floor) = ([0; 64], [0; 64]);
+        let cut = Cut {
+            convention: crate::pixels::Convention::Subtract,
+            shift: 0,
+            top: TOP,
+            saturation: 1,
+            excess: 0,
+        };
+        let rows = Rows::<4>::new(&raw, 8, &floor).expect("words");
+        assert!(takes(&rows, cut));
+        assert!(!takes(&rows, Cut { top: TOP + 1, ..cut }), "13 bits");
+        let narrow = Rows::<2>::new(&raw, 4, &floor).expect("words");
+        assert!(!takes(&narrow, cut), "too few words, and too many rows");
     }
 }

@@ -3,7 +3,7 @@
 use splash_firmware::config::Config;
 use splash_firmware::fixed::TILT_LIMIT;
 use splash_firmware::geometry::Grid;
-use splash_firmware::redblack::RedBlack;
+use splash_firmware::redblack::{Place, RedBlack};
 use splash_firmware::sor::Sor;
 
 use crate::digest::{Digest, Hasher};
@@ -14,12 +14,12 @@ use crate::generator::Generator;
 pub(crate) struct Solver<const M: usize> {
     sor: Sor<M>,
     /// Tip and tilt.
-    field: [RedBlack<i32, M>; 2],
+    field: RedBlack<[i32; 2], M>,
 }
 
 impl<const M: usize> Solver<M> {
     pub(crate) const fn new() -> Self {
-        Self { sor: Sor::new(), field: [const { RedBlack::new(0) }; 2] }
+        Self { sor: Sor::new(), field: RedBlack::new([0; 2]) }
     }
 
     /// Pistons and residuals of tips and tilts up to `limit` ulp, and at their edges: three times,
@@ -52,10 +52,11 @@ impl<const M: usize> Solver<M> {
     ) {
         let Some(mask) = config.mask() else { return };
         let grid = Grid::new(mask.across());
-        for field in &mut self.field {
-            field.fill(0);
+        self.field.fill([0; 2]);
+        for axis in 0..2 {
             for (x, y) in mask.cells() {
-                if let Some(tilt) = field.get_mut(grid.node(x, y) as u16) {
+                let place = Place::new::<M>(grid.node(x, y));
+                if let Some(tilt) = self.field.get_mut(place).and_then(|tilt| tilt.get_mut(axis)) {
                     *tilt = match numbers.below(4) {
                         0 => limit,
                         1 => -limit,
@@ -64,7 +65,6 @@ impl<const M: usize> Solver<M> {
                 }
             }
         }
-        let [tip, tilt] = &self.field;
-        self.sor.load(config.solver(), tip, tilt);
+        self.sor.load(config.solver(), &self.field);
     }
 }
