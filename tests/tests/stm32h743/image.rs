@@ -88,7 +88,9 @@ fn loaded(elf: &ElfFile32<'_>) -> Vec<[u64; 3]> {
     let endian = Endianness::Little;
     let headers = elf.elf_program_headers().iter();
     let loads = headers.filter(|h| h.p_type(endian) == PT_LOAD && h.p_filesz(endian) > 0);
-    loads.map(|h| [h.p_vaddr(endian), h.p_paddr(endian), h.p_filesz(endian)].map(u64::from)).collect()
+    loads
+        .map(|h| [h.p_vaddr(endian), h.p_paddr(endian), h.p_filesz(endian)].map(u64::from))
+        .collect()
 }
 
 /// Functions: name, address.
@@ -207,6 +209,20 @@ fn code_of_itcm_is_copied_from_where_it_is_loaded() {
     // The reset path calls what copies it, and not the empty one that cortex-m-rt provides.
     let copies = elf.symbol_by_name("__pre_init").expect("it is called");
     assert!(copies.size() > 16, "{} bytes", copies.size());
+}
+
+/// They have no image: were they not all zeros, the compiler would not have put them where the linker
+/// script finds them.
+#[test]
+fn banks_are_what_the_start_zeroes() {
+    let Some(image) = image() else { return };
+    let elf = elf(image);
+    let [start, end] = ["__sbanks", "__ebanks"].map(|name| symbol(&elf, name));
+    let banks = elf.symbols().find(|s| s.name().is_ok_and(|name| name.contains("6memory5BANKS")));
+    let banks = banks.expect("banks");
+    assert_eq!(start, banks.address());
+    assert!((end - 32..=end).contains(&(start + banks.size())));
+    assert_eq!([start % 4, end % 4], [0; 2], "words are zeroed");
 }
 
 #[test]

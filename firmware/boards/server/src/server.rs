@@ -1,8 +1,8 @@
 //! Requests, one after the other.
 
-use crate::{Link, Port};
 use crate::image::Pieces;
 use crate::outbox::Outbox;
+use crate::{Link, Port};
 use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;
 use splash_firmware::link::{Identity, Message, Reason, Receiver, Request, Response};

@@ -103,8 +103,7 @@ impl DmaDacs {
 
     #[inline(always)]
     fn is_busy(&self) -> bool {
-        self.started
-            && (TIM4.cr1().read().cen() || SPIS.iter().any(|spi| !spi.sr().read().eot()))
+        self.started && (TIM4.cr1().read().cen() || SPIS.iter().any(|spi| !spi.sr().read().eot()))
     }
 
     #[inline(always)]

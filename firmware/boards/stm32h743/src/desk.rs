@@ -98,8 +98,7 @@ impl Desk {
             return;
         }
         let report = &record.report;
-        let rms_nm =
-            telemetry::tilt_rms_nm(record.tilt_squared_ulp2, report.valid, self.ulp_m);
+        let rms_nm = telemetry::tilt_rms_nm(record.tilt_squared_ulp2, report.valid, self.ulp_m);
         defmt::info!(
             "frame {}: {}, {} valid, tilts {} nm rms, Strehl ratio of these {}; slowest tail {}, {}, {}",
             report.frame,

@@ -7,8 +7,10 @@ use embassy_stm32::pac::timer::vals::{CcmrInputCcs, OcmGp, Sms, Ts, Urs};
 use embassy_stm32::pac::{RCC, TIM2, TIM5};
 use stm32h743_logic::gate::GateTicks;
 
-/// Channel 3, of the gate and of VSYNC's stamp.
+/// Channel 3, of the gate and of VSYNC's stamp for the interrupts.
 const CH3: usize = 2;
+/// Channel 4, which stamps VSYNC once more: reading a stamp takes it away.
+const CH4: usize = 3;
 /// Channel 2, of the pulses.
 const CH2: usize = 1;
 
@@ -30,12 +32,20 @@ pub(crate) fn start() {
         w.set_ocpe(CH3 % 2, true);
     });
     TIM5.ccmr_input(0).modify(|w| w.set_ccs(CH2 % 2, CcmrInputCcs::TI4));
-    TIM5.ccmr_input(1).modify(|w| w.set_ccs(CH3 % 2, CcmrInputCcs::TI4));
+    // Channel 3 from its own input, channel 4 from that of channel 3: the two settings' names are those
+    // of channel 4.
+    TIM5.ccmr_input(1).modify(|w| {
+        w.set_ccs(CH3 % 2, CcmrInputCcs::TI4);
+        w.set_ccs(CH4 % 2, CcmrInputCcs::TI3);
+    });
     TIM5.smcr().modify(|w| {
         w.set_ts(Ts::TI2FP2);
         w.set_sms(Sms::EXT_CLOCK_MODE);
     });
-    TIM5.ccer().modify(|w| w.set_cce(CH3, true));
+    TIM5.ccer().modify(|w| {
+        w.set_cce(CH3, true);
+        w.set_cce(CH4, true);
+    });
     TIM5.cr1().modify(|w| w.set_cen(true));
 }
 
@@ -53,14 +63,14 @@ pub(crate) fn set(gate: GateTicks) {
     }
 }
 
-/// The count of pulses at the last VSYNC.
+/// The count of pulses when the last frame began.
 pub(crate) fn stamp() -> u32 {
-    TIM5.ccr(CH3).read()
+    TIM5.ccr(CH4).read()
 }
 
-/// The count of pulses at VSYNC, if one came since this was last called.
+/// The same, if a frame began since this was last called.
 #[inline(always)]
 pub(crate) fn take_stamp() -> Option<u32> {
     // Reading the capture register clears its flag.
-    TIM5.sr().read().ccif(CH3).then(stamp)
+    TIM5.sr().read().ccif(CH3).then(|| TIM5.ccr(CH3).read())
 }

@@ -28,8 +28,7 @@ const OTHERS_BYTES: usize = size_of::<Queues<M, P, B>>() + (8 << 10);
 const AXI_BYTES: usize = 512 << 10;
 
 /// The hot state, in DTCM.
-pub(crate) static PIPELINE: ConstStaticCell<Pipeline<M, B>> =
-    ConstStaticCell::new(Pipeline::new());
+pub(crate) static PIPELINE: ConstStaticCell<Pipeline<M, B>> = ConstStaticCell::new(Pipeline::new());
 /// The queues, in DTCM.
 pub(crate) static QUEUES: ConstStaticCell<Queues<M, P, B>> = ConstStaticCell::new(Queues::new());
 

@@ -41,8 +41,8 @@ const WATCHDOG_US: u32 = 100_000;
 fn main() -> ! {
     let peripherals = embassy_stm32::init(clocks::config());
     let Some(mut core) = cortex_m::Peripherals::take() else { stop::halt() };
-    let Some(memory) = memory::take() else { stop::halt() };
     start::memories(&mut core);
+    let Some(memory) = memory::take() else { stop::halt() };
     counter::start(&mut core);
     enables::down();
     pins::connect();
@@ -50,12 +50,8 @@ fn main() -> ! {
 
     let ends = QUEUES.take().split();
     let [bank, spare] = memory.banks;
-    let frames = FrameLoop::new(
-        PIPELINE.take(),
-        bank,
-        dacs::DmaDacs::new(memory.words),
-        counter::Cycles,
-    );
+    let frames =
+        FrameLoop::new(PIPELINE.take(), bank, dacs::DmaDacs::new(memory.words), counter::Cycles);
     let frames = FrameSide::new(frames, ends.frames);
     let uart = uart::Link::new(peripherals.USART3, peripherals.PD8, peripherals.PD9, memory.link);
     let mut watchdog = IndependentWatchdog::new(peripherals.IWDG1, WATCHDOG_US);

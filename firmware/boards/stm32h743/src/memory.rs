@@ -1,5 +1,5 @@
 //! What lies outside DTCM: calibration banks and the detector's ring in AXI SRAM, words for the DACs and
-//! the link's bytes in SRAM1. Nothing initialises these sections at start.
+//! the link's bytes in SRAM1. Nothing but the banks is initialised at start.
 #![allow(unsafe_code, reason = "statics that a DMA shares, in sections that nobody initialises")]
 
 use crate::geometry::{B, M, P};
@@ -7,6 +7,7 @@ use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicBool, Ordering};
 use splash_firmware::config::Config;
+use static_cell::ConstStaticCell;
 use stm32h743_logic::dac_burst::{BUSES, WORDS, Words};
 use stm32h743_logic::shape::{LINE_BYTES, RING_BYTES, Shape};
 
@@ -26,8 +27,9 @@ impl<T> Place<T> {
     }
 }
 
-#[unsafe(link_section = ".axisram.banks")]
-static BANKS: [Place<Config<M, P, B>>; 2] = [Place::new(), Place::new()];
+/// memory.x finds it by its name.
+static BANKS: [ConstStaticCell<Config<M, P, B>>; 2] =
+    [const { ConstStaticCell::new(Config::new()) }; 2];
 #[unsafe(link_section = ".axisram.ring")]
 static RING: Place<[u8; RING_BYTES]> = Place::new();
 #[unsafe(link_section = ".sram123.words")]
@@ -53,22 +55,14 @@ pub(crate) fn take() -> Option<Memory> {
     if TAKEN.swap(true, Ordering::Relaxed) {
         return None;
     }
-    let [one, two] = &BANKS;
-    // SAFETY: TAKEN lets this run once, so that each place has one reference.
-    unsafe {
-        Some(Memory {
-            banks: [empty(&mut *one.0.get()), empty(&mut *two.0.get())],
-            ring: RowRing { memory: RING.0.get().cast() },
-            words: (*DAC_WORDS.0.get()).write([[0; WORDS]; BUSES]),
-            link: LinkRing { memory: LINK_RING.0.get().cast() },
-        })
-    }
-}
-
-/// A bank without subapertures, made in its place.
-#[inline(never)]
-fn empty(place: &mut MaybeUninit<Config<M, P, B>>) -> &mut Config<M, P, B> {
-    place.write(Config::new())
+    // SAFETY: TAKEN lets this run once, so that there is one reference.
+    let words = unsafe { &mut *DAC_WORDS.0.get() };
+    Some(Memory {
+        banks: BANKS.each_ref().map(ConstStaticCell::take),
+        ring: RowRing { memory: RING.0.get().cast() },
+        words: words.write([[0; WORDS]; BUSES]),
+        link: LinkRing { memory: LINK_RING.0.get().cast() },
+    })
 }
 
 /// The detector's blocks, written by the DMA.

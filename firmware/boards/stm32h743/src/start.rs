@@ -5,8 +5,8 @@ use cortex_m::Peripherals;
 use embassy_stm32::pac::RCC;
 use stm32h743_logic::mpu;
 
-// Copies the code of ITCM from flash. In assembly, since it runs before RAM is initialised, and since a
-// compiled loop might become a call of memcpy, which lies in ITCM itself.
+// Copies the code of ITCM from flash, and zeroes the banks in AXI SRAM. In assembly, since it runs before
+// RAM is initialised, and since a compiled loop might become a call of memcpy, which lies in ITCM itself.
 core::arch::global_asm!(
     ".section .text.__pre_init, \"ax\"",
     ".global __pre_init",
@@ -21,7 +21,14 @@ core::arch::global_asm!(
     "ldm r2!, {{r3}}",
     "stm r0!, {{r3}}",
     "b 0b",
-    "1: dsb",
+    "1: ldr r0, =__sbanks",
+    "ldr r1, =__ebanks",
+    "movs r3, #0",
+    "2: cmp r0, r1",
+    "beq 3f",
+    "stm r0!, {{r3}}",
+    "b 2b",
+    "3: dsb",
     "isb",
     "bx lr",
     ".size __pre_init, . - __pre_init",

@@ -33,11 +33,7 @@ impl<'a, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
 {
     /// Takes another bank, whose frames come as `shape` says, opens the loop and returns the bank
     /// before. A frame that is being read is dropped.
-    fn exchange(
-        &mut self,
-        bank: &'a mut Config<M, P, B>,
-        shape: Shape,
-    ) -> &'a mut Config<M, P, B> {
+    fn exchange(&mut self, bank: &'a mut Config<M, P, B>, shape: Shape) -> &'a mut Config<M, P, B> {
         self.shape = Some(shape);
         let before = core::mem::replace(&mut self.bank, bank);
         self.reset();

@@ -192,8 +192,8 @@ mod tests {
         assert!(f64::from(WORD_CLOCKS) * CLOCK_NS >= f64::from(ad5370::CYCLE_NS));
         // The select line is high for at least all idle clocks but two.
         assert!(f64::from(IDLE_CLOCKS - 2) * CLOCK_NS >= f64::from(ad5370::SYNC_HIGH_NS));
-        assert!(LDAC_NS >= ad5370::LDAC_NS);
-        assert!(IDLE_CLOCKS <= 15 && LEAD_CLOCKS <= 15, "fields of four bits");
+        const { assert!(LDAC_NS >= ad5370::LDAC_NS) };
+        const { assert!(IDLE_CLOCKS <= 15 && LEAD_CLOCKS <= 15, "fields of four bits") };
     }
 
     /// What README.md says of the default instrument and of the most there can be.
@@ -202,6 +202,7 @@ mod tests {
         let schedule = Schedule::new(52).expect("channels");
         assert_eq!(schedule.words, 2 * 27 + 8);
         assert_eq!(schedule.latency_ns(), 46_945);
+        assert_eq!(Schedule::new(64).expect("channels").latency_ns(), 55_345);
         let most = Schedule::new(SEGMENTS).expect("channels");
         assert_eq!((most.words, most.latency_ns()), (86, 63_745));
         assert_eq!(Schedule::new(SEGMENTS + 1), Err(TooMany { found: 79 }));

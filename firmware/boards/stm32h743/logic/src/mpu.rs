@@ -32,6 +32,6 @@ mod tests {
         let size = RASR >> 1 & 0x1F;
         assert_eq!(1u32 << (size + 1), BYTES);
         assert_eq!(RBAR % BYTES, 0, "a region starts at a multiple of its size");
-        assert!(BYTES >= (128 + 128 + 32) << 10, "it covers SRAM1 to 3");
+        const { assert!(BYTES >= (128 + 128 + 32) << 10, "it covers SRAM1 to 3") };
     }
 }

@@ -88,9 +88,7 @@ mod tests {
         let name = format!("P{}{}", wire.pin.port, wire.pin.number);
         let mut found = METADATA.peripherals.iter().filter(|p| p.name == wire.peripheral);
         let pins = found.next().expect(wire.peripheral).pins;
-        pins.iter().any(|p| {
-            p.pin == name && p.signal == wire.signal && p.af == Some(wire.function)
-        })
+        pins.iter().any(|p| p.pin == name && p.signal == wire.signal && p.af == Some(wire.function))
     }
 
     #[test]

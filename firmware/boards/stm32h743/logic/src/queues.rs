@@ -249,10 +249,7 @@ impl<'q, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
     FrameSide<'q, D, C, M, P, B>
 {
     /// A loop and its ends of the queues.
-    pub fn new(
-        frames: FrameLoop<'static, D, C, M, P, B>,
-        ends: FrameEnds<'q, M, P, B>,
-    ) -> Self {
+    pub fn new(frames: FrameLoop<'static, D, C, M, P, B>, ends: FrameEnds<'q, M, P, B>) -> Self {
         Self { frames, ends, start: 0, asked: false }
     }
 

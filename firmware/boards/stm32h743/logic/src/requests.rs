@@ -38,9 +38,10 @@ mod tests {
         ];
         for (stream, name, signal) in expected {
             let peripheral = METADATA.peripherals.iter().find(|p| p.name == name).expect(name);
-            let found = peripheral.dma_channels.iter().find(|channel| {
-                channel.signal == signal && channel.dmamux == Some("DMAMUX1")
-            });
+            let found = peripheral
+                .dma_channels
+                .iter()
+                .find(|channel| channel.signal == signal && channel.dmamux == Some("DMAMUX1"));
             let request = found.and_then(|channel| channel.request);
             assert_eq!(request, Some(stream.request.into()), "{name}");
         }

@@ -50,9 +50,7 @@ pub fn fit<const M: usize, const P: usize, const B: usize>(
     let shape = Shape::new(config.width(), config.height(), config.bits());
     let shape = shape.map_err(|error| match error {
         ShapeError::OddWidth { width } => refuse(Field::DetectorWidth, width.into(), None),
-        ShapeError::Bits { bits } => {
-            refuse(Field::DetectorBits, bits.into(), Some([10.0, 14.0]))
-        }
+        ShapeError::Bits { bits } => refuse(Field::DetectorBits, bits.into(), Some([10.0, 14.0])),
     })?;
     let gate = GateTicks::new(&config.timing()).map_err(|error| match error {
         GateError::Delay { ns } => refuse(Field::BeaconHeight, ns.into(), None),
