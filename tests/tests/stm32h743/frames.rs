@@ -60,8 +60,8 @@ fn codes_are_those_of_the_library_row_by_row() {
         assert_eq!(record.report.outcome, Outcome::Updated);
         assert_eq!((record.tick.missed, record.tick.slip, record.sent), (0, 0, true));
         assert!(record.tilt_squared_ulp2 > 0);
-        // The model's counter counts its readings: two a block; one between each two stages.
-        assert_eq!((record.cycles.rows, record.cycles.stages), (8, [1; 5]));
+        // The model's counter counts its readings: two a block of 16 rows; one between each two stages.
+        assert_eq!((record.cycles.rows, record.cycles.stages), (4, [1; 5]));
     }
 }
 
@@ -87,21 +87,18 @@ fn a_ring_that_is_full_is_told_and_the_next_frames_are_right() {
     let ((mut rig, _), mut plain) = (Rig::reading(), Plain::new());
     let frames = detector_frames(14);
     rig.prompt = false;
-    // At most 60 of the ring's 62 blocks wait, and an end counts as one: nine a frame.
+    // At most 29 of the ring's 32 blocks wait before one more is taken, and an end counts as one: five
+    // a frame. Of the seventh none is taken.
     for number in 0..7 {
         rig.frame(PULSES * number, &frames[number as usize]);
     }
     rig.run();
     let news = rig.told();
     assert_eq!(faults(&news), [Fault::Full]);
-    let mut expected = Vec::new();
-    for number in 0..7 {
-        // The seventh is held after 6 of its 8 blocks.
-        let rows = if number < 6 { 64 } else { 48 };
-        expected.push(plain.frame(number, &frames[number as usize][..rows * 64]));
-    }
+    let expected =
+        (0..6).map(|number| plain.frame(number, &frames[number as usize])).collect::<Vec<_>>();
     assert!(rig.sent() == expected, "codes");
-    assert_eq!(records(&news).last().expect("held").report.outcome, held(48));
+    plain.frame(6, &[]);
     rig.prompt = true;
     for number in 7..14 {
         let pixels = &frames[number as usize];
@@ -119,7 +116,7 @@ fn held(rows: u16) -> Outcome {
 #[test]
 fn a_frame_of_another_length_spoils_no_other() {
     let frames = detector_frames(7);
-    for rows in [0, 1, 7, 8, 9, 40, 63, 64, 65, 72, 100, 128] {
+    for rows in [0, 1, 15, 16, 17, 48, 63, 64, 65, 80, 100, 128] {
         let ((mut rig, _), mut plain) = (Rig::reading(), Plain::new());
         for number in 0..6 {
             let longer: Vec<_> = frames[2].iter().chain(&frames[6]).copied().collect();
@@ -128,14 +125,14 @@ fn a_frame_of_another_length_spoils_no_other() {
             plain.frame(number, &pixels[..pixels.len().min(64 * 64)]);
         }
         let news = rig.told();
-        let whole_blocks = rows % 8 == 0 && rows <= 64;
+        let whole_blocks = rows % 16 == 0 && rows <= 64;
         let expected: &[Fault] = if whole_blocks { &[] } else { &[Fault::Astray] };
         assert_eq!(faults(&news), expected, "{rows} rows");
         let outcome = records(&news).iter().find(|r| r.report.frame == 2).map(|r| r.report.outcome);
         match rows {
             // Without a block it is known from the count of pulses only.
-            0..8 => assert_eq!(outcome, None),
-            8..64 => assert_eq!(outcome, Some(held(rows as u16 / 8 * 8))),
+            0..16 => assert_eq!(outcome, None),
+            16..64 => assert_eq!(outcome, Some(held(rows as u16 / 16 * 16))),
             _ => assert_eq!(outcome, Some(Outcome::Updated)),
         }
         let last = records(&news).last().copied().expect("a frame");

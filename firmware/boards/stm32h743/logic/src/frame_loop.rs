@@ -100,7 +100,7 @@ impl<C: Counter> Probe for Laps<'_, C> {
 impl<'a, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
     FrameLoop<'a, D, C, M, P, B>
 {
-    /// A loop without a detector: [`FrameLoop::exchange`] gives it one.
+    /// A loop without a detector: the first exchange of banks gives it one.
     pub const fn new(
         pipeline: &'a mut Pipeline<M, B>,
         bank: &'a mut Config<M, P, B>,

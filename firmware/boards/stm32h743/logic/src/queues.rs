@@ -196,7 +196,7 @@ impl RowSide<'_> {
     pub fn end(&mut self, left: u16) -> bool {
         match &self.ring {
             Some(ring) if left == ring.shape().transfers() => {
-                // There is room: at most one behind each block.
+                // There is room for one behind each block, and frames without blocks need no end.
                 let _ = self.events.enqueue(Tagged { start: self.start, event: Event::End });
                 true
             }
@@ -303,7 +303,7 @@ impl<'q, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
     pub(crate) fn restart(&mut self, detector: &mut impl Detector) {
         if let Some(&shape) = self.frames.shape() {
             self.start = self.start.wrapping_add(1);
-            // There is room: the interrupts takes them before this one goes on.
+            // There is room: the interrupts take them before this goes on.
             let _ = self.ends.orders.enqueue(Order { start: self.start, shape });
             detector.wake();
         }

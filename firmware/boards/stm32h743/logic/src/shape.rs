@@ -9,7 +9,7 @@ pub const SLOTS: usize = 62;
 /// Least: one that is filled, one that is filled next, one that is read.
 const LEAST_SLOTS: usize = 3;
 /// Most rows of a block, k: README.md says what they cost.
-pub const MOST_ROWS: u16 = 8;
+pub const MOST_ROWS: u16 = 16;
 /// Bytes that the cache fetches at once; no two blocks share them.
 pub const LINE_BYTES: usize = 32;
 
@@ -91,7 +91,7 @@ impl Shape {
     /// Transfers of the DMA for a block: two pixels each.
     #[must_use]
     pub fn transfers(&self) -> u16 {
-        // At most 8 rows of 4096 pixels.
+        // A block is at most a third of the ring.
         (self.pixels() / 2) as u16
     }
 
@@ -125,10 +125,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_default_detector_comes_in_sixteen_blocks() {
+    fn the_default_detector_comes_in_eight_blocks() {
         let shape = Shape::new(128, 128, 12).expect("readable");
-        assert_eq!((shape.rows, shape.blocks, shape.slots), (8, 16, 32), "two frames of room");
-        assert_eq!((shape.transfers(), shape.stride(), shape.data_mode()), (512, 2048, 2));
+        assert_eq!((shape.rows, shape.blocks, shape.slots), (16, 8, 16), "two frames of room");
+        assert_eq!((shape.transfers(), shape.stride(), shape.data_mode()), (1024, 4096, 2));
     }
 
     #[test]
