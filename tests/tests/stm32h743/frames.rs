@@ -6,6 +6,7 @@ use splash_firmware::pipeline::{GlobalTilt, Hold, Outcome, Pipeline};
 use stm32h743_logic::frame_loop::Record;
 use stm32h743_logic::queues::News;
 use stm32h743_logic::ring::Fault;
+use stm32h743_logic::shape::Shape;
 
 /// The library alone.
 struct Plain {
@@ -226,12 +227,61 @@ fn the_main_loop_asks_and_is_answered() {
     assert_eq!(rig.sent(), [plain.frame(3, &frames[3])]);
 }
 
+/// What was asked for and not waited for stands in nobody's way, whether it has come or not.
+#[test]
+fn an_answer_that_came_too_late_is_not_taken_for_another() {
+    let frames = detector_frames(2);
+    for comes in [false, true] {
+        let (mut rig, mut asking) = Rig::reading();
+        assert!(asking.next_frame(&mut || false).is_none());
+        rig.run();
+        if comes {
+            rig.frame(0, &frames[0]);
+        }
+        let shape = Shape::new(64, 64, 12).expect("readable");
+        let before = asking.exchange(bank(), shape, &mut || {
+            rig.run();
+            true
+        });
+        assert_eq!(before.subapertures(), 52);
+        assert!(asking.next_frame(&mut || false).is_none());
+        let state = asking.reset(&mut || {
+            rig.run();
+            true
+        });
+        assert_eq!(state.report, None);
+        let number = u32::from(comes);
+        let state = asking.next_frame(&mut || {
+            rig.run();
+            rig.frame(PULSES * number, &frames[number as usize]);
+            true
+        });
+        assert_eq!(state.expect("a frame").report.expect("its report").frame, number);
+    }
+}
+
+/// The next frame may have begun before the interrupt of the last block is served.
+#[test]
+fn a_stamp_is_not_taken_for_that_of_the_frame_before() {
+    let ((mut rig, _), mut plain) = (Rig::reading(), Plain::new());
+    let frames = detector_frames(4);
+    for number in 0..4 {
+        let pixels = &frames[number as usize];
+        let (most, last) = pixels.split_at(pixels.len() - 64);
+        rig.rows(PULSES * number, most);
+        // The stamp of the next one is there.
+        rig.hardware.begin(PULSES * (number + 1));
+        rig.rest(last);
+        assert!(rig.sent() == [plain.frame(number, pixels)], "frame {number}");
+    }
+}
+
 #[test]
 fn banks_are_exchanged_at_once_even_in_the_middle_of_a_frame() {
     let (mut rig, mut asking) = Rig::reading();
     let frames = detector_frames(3);
     rig.frame(0, &frames[0][..20 * 64]);
-    let shape = stm32h743_logic::shape::Shape::new(64, 64, 12).expect("readable");
+    let shape = Shape::new(64, 64, 12).expect("readable");
     let mut waits = 0;
     let before = asking.exchange(bank(), shape, &mut || {
         waits += 1;

@@ -91,7 +91,7 @@ pub(crate) struct Hardware {
 }
 
 impl Hardware {
-    fn begin(&mut self, stamp: u32) {
+    pub(crate) fn begin(&mut self, stamp: u32) {
         self.stamp = Some(stamp);
         self.waiting = false;
     }
@@ -125,7 +125,7 @@ impl Hardware {
             self.rows.lost(Fault::Overrun);
             None
         } else {
-            self.rows.complete(self.second, self.stamp.take(), 0)
+            self.rows.complete(self.second, || self.stamp.take(), 0)
         };
         match aimed {
             Some((complete, _)) => self.aim[usize::from(complete.second)] = complete.next,
@@ -205,16 +205,31 @@ impl Rig {
 
     /// A frame of rows, after so many pulses.
     pub(crate) fn frame(&mut self, stamp: u32, pixels: &[u16]) {
+        self.rows(stamp, pixels);
+        self.rest(&[]);
+    }
+
+    /// Its first rows.
+    pub(crate) fn rows(&mut self, stamp: u32, pixels: &[u16]) {
         self.hardware.begin(stamp);
+        self.read(pixels);
+    }
+
+    /// Its last rows.
+    pub(crate) fn rest(&mut self, pixels: &[u16]) {
+        self.read(pixels);
+        self.hardware.end();
+        if self.prompt {
+            self.run();
+        }
+    }
+
+    fn read(&mut self, pixels: &[u16]) {
         for row in pixels.chunks(instrument().detector.width.into()) {
             row.iter().for_each(|&pixel| self.hardware.pixel(pixel));
             if self.prompt {
                 self.run();
             }
-        }
-        self.hardware.end();
-        if self.prompt {
-            self.run();
         }
     }
 

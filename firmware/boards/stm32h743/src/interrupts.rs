@@ -8,7 +8,8 @@
 //! | must be over | before the next block is complete | before the next frame's first block is | before the ring is full: a frame's work in a frame's time, on average |
 //! | if it is late | the DMA goes on where it was aimed before: seen from which buffer it is in, the frame is held, the detector started again | a frame of which rows were missing, and the next one, are held | the ring says that it is full before anything is overwritten; a frame is held, the detector started again |
 //!
-//! Both interrupts only keep books, so that a frame's work may take longer than its rows do to arrive.
+//! Critical sections do not mask the interrupts ([`crate::critical`]), and these have no part in any: they log
+//! nothing. Both only keep books, so that a frame's work may take longer than its rows do to arrive.
 #![allow(unsafe_code, reason = "vectors, their sections, and what is handed to them")]
 
 use crate::counter::Cycles;
@@ -50,7 +51,7 @@ pub(crate) fn start(core: &mut cortex_m::Peripherals, rows: Rows, frames: Frames
     NVIC::mask(Interrupt::DMA1_STREAM0);
     NVIC::mask(Interrupt::DCMI);
     // SAFETY: both are masked, nothing has raised the exception, and the main program does this once.
-    // No critical section rests on these priorities: they mask all.
+    // Critical sections mask the exception, and not the interrupts, which have no part in them.
     unsafe {
         ROWS.give(rows);
         FRAMES.give(frames);
@@ -106,7 +107,7 @@ impl Rows {
             self.side.lost(Fault::Overrun);
             None
         } else {
-            self.side.complete(second, crate::gate::take_stamp(), at)
+            self.side.complete(second, crate::gate::take_stamp, at)
         };
         match aimed {
             Some((complete, shape)) => self.detector.aim(&shape, &complete),

@@ -9,6 +9,7 @@
 
 mod clocks;
 mod counter;
+mod critical;
 mod dacs;
 mod desk;
 mod detector;

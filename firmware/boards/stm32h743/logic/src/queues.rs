@@ -83,12 +83,12 @@ pub enum News {
 /// Room for every block of the ring, an end behind each, and a loss.
 type Events = Queue<Tagged, { 2 * SLOTS + 4 }>;
 
-/// The queues.
+/// The queues. Two answers can be on their way: a state that is not waited for any more, and one that is.
 pub struct Queues<const M: usize, const P: usize, const B: usize> {
     events: Events,
     orders: Queue<Order, 4>,
     commands: Queue<Command<M, P, B>, 4>,
-    answers: Queue<Answer<M, P, B>, 2>,
+    answers: Queue<Answer<M, P, B>, 3>,
     news: Queue<News, 16>,
 }
 
@@ -119,7 +119,7 @@ impl<const M: usize, const P: usize, const B: usize> Queues<M, P, B> {
         let (answer_in, answer_out) = self.answers.split();
         let (news_in, news_out) = self.news.split();
         Ends {
-            rows: RowSide { ring: None, start: 0, events: event_in, orders: order_out },
+            rows: RowSide { ring: None, place: 0, start: 0, events: event_in, orders: order_out },
             frames: FrameEnds {
                 events: event_out,
                 orders: order_in,
@@ -149,6 +149,8 @@ pub struct Ends<'q, const M: usize, const P: usize, const B: usize> {
 pub struct RowSide<'q> {
     /// `None` while the detector is stopped.
     ring: Option<Ring>,
+    /// The block of its frame that is complete next.
+    place: u16,
     start: u8,
     events: Producer<'q, Tagged>,
     orders: Consumer<'q, Order>,
@@ -163,25 +165,34 @@ impl RowSide<'_> {
         }
         let Order { start, shape } = last?;
         self.start = start;
+        self.place = 0;
         self.ring = Some(Ring::new(shape));
         Some(shape)
     }
 
-    /// A block is complete: arguments as of [`Ring::complete`] and [`Event::Block`]. Where to aim the
-    /// DMA, or `None` if the detector is to be stopped. Ends of frames that wait count as blocks.
+    /// A block is complete: `second` as of [`Ring::complete`], `at` as of [`Event::Block`]. `begun` is
+    /// asked for the first block of a frame only, what it is for another one may be the next frame's
+    /// already. Where to aim the DMA, or `None` if the detector is to be stopped. Ends of frames that wait
+    /// count as blocks.
     pub fn complete(
         &mut self,
         second: bool,
-        begun: Option<u32>,
+        begun: impl FnOnce() -> Option<u32>,
         at: u32,
     ) -> Option<(Complete, Shape)> {
         let ring = self.ring.as_mut()?;
         match ring.complete(second, self.events.len()) {
             Ok(complete) => {
-                let event = Event::Block { slot: complete.slot, start: begun, at };
+                let shape = *ring.shape();
+                let start = if self.place == 0 { begun() } else { None };
+                self.place += 1;
+                if self.place == shape.blocks {
+                    self.place = 0;
+                }
+                let event = Event::Block { slot: complete.slot, start, at };
                 // There is room: the ring has fewer blocks than the queue.
                 let _ = self.events.enqueue(Tagged { start: self.start, event });
-                Some((complete, *ring.shape()))
+                Some((complete, shape))
             }
             Err(fault) => {
                 self.lost(fault);
@@ -198,6 +209,7 @@ impl RowSide<'_> {
             Some(ring) if left == ring.shape().transfers() => {
                 // There is room for one behind each block, and frames without blocks need no end.
                 let _ = self.events.enqueue(Tagged { start: self.start, event: Event::End });
+                self.place = 0;
                 true
             }
             Some(_) => {
@@ -360,12 +372,12 @@ impl<const M: usize, const P: usize, const B: usize> Asking<'_, M, P, B> {
     pub fn reset(&mut self, wait: &mut dyn FnMut() -> bool) -> Snapshot<M> {
         self.tell(Command::Reset, wait);
         loop {
-            if let Some(Answer::State(state)) = self.answer(wait) {
-                // One of a frame was asked for before.
-                if state.report.is_none() {
-                    return state;
-                }
+            // One of a frame was asked for before; if it has not come, this is the answer to both.
+            if let Some(Answer::State(state)) = self.answer(wait)
+                && state.report.is_none()
+            {
                 self.owed = false;
+                return state;
             }
         }
     }
