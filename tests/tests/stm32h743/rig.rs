@@ -8,9 +8,10 @@ use splash_tests::frames::{Background, Rng, frame, scattered};
 use splash_tests::instrument::Instrument;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
+use stm32h743_logic::asking::Asking;
 use stm32h743_logic::dac_bus::DacBus;
 use stm32h743_logic::frame_loop::{Counter, FrameLoop};
-use stm32h743_logic::queues::{Asking, Detector, FrameSide, News, Queues, RowSide};
+use stm32h743_logic::queues::{Detector, FrameSide, News, Queues, RowSide};
 use stm32h743_logic::ring::Fault;
 use stm32h743_logic::shape::{RING_BYTES, Shape};
 

@@ -17,7 +17,7 @@
 //! | [`interlock`] | when laser and high voltage are enabled |
 //! | [`vitals`] | when the watchdog is fed |
 //! | [`queues`] | what interrupts, frames and main loop pass to one another |
-//! | [`answers`] | what is done when the main loop asks |
+//! | [`asking`], [`answers`] | how the main loop asks, and what is then done |
 //! | [`service`] | requests of the link |
 //! | [`byte_ring`] | bytes of the link as the DMA writes them |
 //! | [`telemetry`] | what the log says of the wavefront |
@@ -26,6 +26,7 @@
 
 pub mod ad5370;
 pub mod answers;
+pub mod asking;
 pub mod byte_ring;
 pub mod clocks;
 pub mod dac_burst;

@@ -8,8 +8,8 @@
 //! | `MeasuredFrame` | refused: there is a detector |
 
 use crate::answers::Snapshot;
+use crate::asking::Asking;
 use crate::gate::{GateError, GateTicks};
-use crate::queues::Asking;
 use crate::shape::{Shape, ShapeError};
 use splash_firmware::config::Config;
 use splash_firmware::error::Field;
