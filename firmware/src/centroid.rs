@@ -454,9 +454,11 @@ pub(crate) fn brightest_moments(signal: &[u16], window: usize, n: u32, bits: u32
 #[inline]
 pub(crate) fn first_watched(window: usize, y_q16: i32) -> u8 {
     let last = window as i32 - 1;
-    // Row of the centroid, rounded down: as many watched rows are above it as below.
-    let row = y_q16.wrapping_add(last << (CENTROID_BITS - 1)) >> CENTROID_BITS;
-    let first = fixed::positive(row - (WATCHED as i32 / 2 - 1));
+    // The row nearest the first of as many rows as are watched, with the centroid in their middle.
+    let middle = y_q16.wrapping_add(last << (CENTROID_BITS - 1));
+    let half_rows = 2 - WATCHED as i32;
+    let row = middle.wrapping_add(half_rows << (CENTROID_BITS - 1)) >> CENTROID_BITS;
+    let first = fixed::positive(row);
     (first - fixed::positive(first - (window as i32 - WATCHED as i32))) as u8
 }
 

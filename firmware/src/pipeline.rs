@@ -25,14 +25,11 @@ use crate::config::Config;
 use crate::control::{Control, Taking};
 use crate::fixed::{self, TILT_LIMIT};
 pub use crate::probe::{Probe, Stage};
-use crate::readout::Readout;
+use crate::readout::{Readout, Sink};
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
 use crate::segments::{ACTUATORS, Move, Position, Segment};
 use crate::slopes::{self, Slope, SlopeCalibration, SlopeScale};
 use crate::sor::{Node, Sor, SorConfig};
-
-/// Largest piston handed to a segment, ulp: beyond any stroke, and inside the segments' bounds.
-const TARGET_LIMIT: i32 = 1 << 26;
 
 /// Frames by which a global tilt may be ahead of the frame it is first used in.
 const MAX_AHEAD: u32 = 1 << 16;
@@ -210,7 +207,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
             }
             let pixels = pixels.get(..usize::from(used).wrapping_mul(width)).unwrap_or_default();
             let (readout, mut windows) = self.windows(config);
-            readout.push(config, pixels, used, &mut |i, measured| windows.take(i, measured));
+            readout.push(config, pixels, used, &mut windows);
         }
         let extra = rows.wrapping_sub(used);
         if extra > 0 {
@@ -244,7 +241,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
             }
             _ => {
                 let (readout, mut windows) = self.windows(config);
-                readout.supply(config, measurements, &mut |i, measured| windows.take(i, measured));
+                readout.supply(config, measurements, &mut windows);
                 Ok(Progress::Complete)
             }
         }
@@ -502,7 +499,7 @@ struct Windows<'a, const M: usize> {
     saturated_pixels: &'a mut u32,
 }
 
-impl<const M: usize> Windows<'_, M> {
+impl<const M: usize> Sink for Windows<'_, M> {
     /// Slope and pseudo-open-loop slope of subaperture `i`.
     #[inline(always)]
     fn take(&mut self, i: usize, measurement: &Measurement) {
@@ -525,11 +522,11 @@ impl<const M: usize> Windows<'_, M> {
 #[inline(always)]
 fn target(command: [i32; 2], piston: i32, node: Node, global: [i32; 2]) -> Position {
     let ([tip, tilt], [global_tip, global_tilt], [x, y]) = (command, global, node.centre);
-    // Twice 2^23 x 39, and a piston below 2^25: within 2^30.
+    // Twice 2^23 x 39, and a piston below 2^25: within 2^29.4.
     let plane = global_tip.wrapping_mul(x.into()).wrapping_add(global_tilt.wrapping_mul(y.into()));
     let add = |a: i32, b: i32| fixed::clamp(a.wrapping_add(b), TILT_LIMIT);
     Position {
-        piston_ulp: fixed::clamp(plane.wrapping_add(piston), TARGET_LIMIT),
+        piston_ulp: plane.wrapping_add(piston),
         tilt_ulp: [add(tip, global_tip), add(tilt, global_tilt)],
     }
 }

@@ -21,9 +21,9 @@
 //! Without a flat field (no pixel's gain differs) and with the subtracting convention this is
 //! s = max(raw - (floor + excess), 0), which the packed kernels of the `dsp` module compute.
 //!
-//! Peak and saturated pixels are looked for where the spot is: in the rows next to the last
-//! centroid ([`WATCHED`] of them). They cost as much as the moments, and what a moving threshold
-//! has to follow is the spot, not a hit in the window's corner.
+//! Peak and saturated pixels are looked for where the spot is: in the row nearest the last centroid
+//! ([`WATCHED`] of them). They cost as much as the moments, and what a moving threshold has to follow is
+//! the spot, not a hit in the window's corner.
 //!
 //! Scaling and overflow: every quantity is a u16 and every operation saturating or exact;
 //! rounding of the gain is to nearest, ties down in `b` (ties up in the loss).
@@ -41,9 +41,9 @@ pub enum Convention {
     ZeroBelow,
 }
 
-/// Rows of a window in which its peak is looked for: the one of the last centroid and its nearer
-/// neighbour. A spot is two pixels wide at half maximum where a pixel is lambda/2d.
-pub const WATCHED: usize = 2;
+/// Rows of a window in which its peak is looked for: the one nearest the last centroid. A spot is two
+/// pixels wide at half maximum where a pixel is lambda/2d, so that this row has 84 % of its peak at least.
+pub const WATCHED: usize = 1;
 
 /// The calibration of one pixel, as it is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -12,6 +12,12 @@ use crate::centroid::{
 use crate::config::{Config, Slot};
 use crate::pixels::{self, Convention, Cut, Noted, Seen, WATCHED};
 
+/// What takes a measurement when its window has ended.
+pub(crate) trait Sink {
+    /// Takes that of a subaperture.
+    fn take(&mut self, subaperture: usize, measurement: &Measurement);
+}
+
 /// What is kept of a window between its rows.
 #[derive(Clone, Copy, Debug)]
 struct Window {
@@ -182,15 +188,15 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         self.row
     }
 
-    /// Takes the next `rows` rows, which have the detector's width; `each` is given a subaperture and
-    /// its measurement when its window has ended.
+    /// Takes the next `rows` rows, which have the detector's width; `sink` is given each
+    /// measurement when its window has ended.
     #[inline]
     pub(crate) fn push<const P: usize>(
         &mut self,
         config: &Config<M, P, B>,
         pixels: &[u16],
         rows: u16,
-        each: &mut impl FnMut(usize, &Measurement),
+        sink: &mut impl Sink,
     ) {
         // The common sizes get loops of known length; the results are the same.
         let only_floors = config.bank.only_floors()
@@ -204,7 +210,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                 (16, false) => self.floored_rows::<16, 8, P>(config, met, pixels, rows),
                 _ => self.floored_rows::<0, 0, P>(config, met, pixels, rows),
             }
-            self.end(config, rows, each);
+            self.end(config, rows, sink);
             return;
         }
         for pixels in pixels.chunks_exact(usize::from(config.width).max(1)) {
@@ -214,7 +220,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                 16 => self.rows_of::<16, P>(config, met, pixels),
                 _ => self.rows_of::<0, P>(config, met, pixels),
             }
-            self.end(config, 1, each);
+            self.end(config, 1, sink);
         }
     }
 
@@ -416,12 +422,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
 
     /// Counts `rows` rows as taken and measures every window that has ended with them.
     #[inline(always)]
-    fn end<const P: usize>(
-        &mut self,
-        config: &Config<M, P, B>,
-        rows: u16,
-        each: &mut impl FnMut(usize, &Measurement),
-    ) {
+    fn end<const P: usize>(&mut self, config: &Config<M, P, B>, rows: u16, sink: &mut impl Sink) {
         self.row = self.row.wrapping_add(rows);
         let [start, next] = self.active;
         let met = config.slots.get(start..next).unwrap_or_default().iter();
@@ -432,9 +433,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         if end > start {
             match config.estimator {
                 EstimatorConfig::Weighted { gain, .. } => {
-                    self.measure_weighted(config, [start, end], gain, each);
+                    self.measure_weighted(config, [start, end], gain, sink);
                 }
-                _ => self.measure(config, [start, end], each),
+                _ => self.measure(config, [start, end], sink),
             }
         }
     }
@@ -447,7 +448,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         &mut self,
         config: &Config<M, P, B>,
         [start, end]: [usize; 2],
-        each: &mut impl FnMut(usize, &Measurement),
+        sink: &mut impl Sink,
     ) {
         let (Some(measurements), Ok([done, new])) = (
             self.measurements.get_mut(1 - self.complete),
@@ -471,7 +472,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             let measurement = window.measurement(moments, moments.sum, tracking, &shared);
             *next = tracking.next(&measurement, base, &shared);
             *place = measurement;
-            each(subaperture, &measurement);
+            sink.take(subaperture, &measurement);
         }
     }
 
@@ -481,7 +482,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         config: &Config<M, P, B>,
         [start, end]: [usize; 2],
         gain: i32,
-        each: &mut impl FnMut(usize, &Measurement),
+        sink: &mut impl Sink,
     ) {
         let (Some(measurements), Ok([done, new])) = (
             self.measurements.get_mut(1 - self.complete),
@@ -510,7 +511,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             axes.for_each(|(c, centre)| *c = centroid::unweighted(centre.into(), *c, gain));
             *next = tracking.next(&measurement, base, &shared);
             *place = measurement;
-            each(subaperture, &measurement);
+            sink.take(subaperture, &measurement);
         }
     }
 
@@ -519,7 +520,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         &mut self,
         config: &Config<M, P, B>,
         measurements: &[Measurement],
-        each: &mut impl FnMut(usize, &Measurement),
+        sink: &mut impl Sink,
     ) {
         let (Some(new), Ok([done, next])) = (
             self.measurements.get_mut(1 - self.complete),
@@ -530,7 +531,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         for (i, (place, &new)) in new.iter_mut().zip(measurements).enumerate() {
             let bound = |c: i32| c.clamp(-CENTROID_LIMIT, CENTROID_LIMIT);
             *place = Measurement { centroid_q16: new.centroid_q16.map(bound), ..new };
-            each(i, place);
+            sink.take(i, place);
         }
         let shared = Shared::new(config);
         for (slot, (done, next)) in config.slots.iter().zip(done.iter().zip(next)) {

@@ -25,8 +25,8 @@
 //! Whether a tip/tilt within +-2^23 can fail to fit, and a move be too fast, is known when the
 //! configuration is built (`Travel`); a mirror where neither can happen spends no time on it.
 //!
-//! **Scaling and overflow.** Positions in ulp: |p| <= 2^26 with a global tilt's plane, |tip|,
-//! |tilt| <= 2^23. Ratios t within +-16, in i16 with 10 to 15 fraction bits; a product with a tilt
+//! **Scaling and overflow.** Targets in ulp: |p| < 2^29.4 with a global tilt's plane, |tip|, |tilt| <=
+//! 2^23; a position's |p| <= 2^28.6, the farthest limit and the largest q. Ratios t within +-16, in i16 with 10 to 15 fraction bits; a product with a tilt
 //! keeps 2^9 less of them (|.| < 2^29) and their sum is rounded once: |q| <= 2^28, low by at most
 //! 1/2 + 1/32 ulp. Limits within +-2^27. Scales are Q16 fractions from operands in
 //! quarters of an LSB up to 2^22 ([`fixed::ratio_q16`]), rounded down so that the result is inside.

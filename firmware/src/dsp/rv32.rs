@@ -129,20 +129,21 @@ mod row {
     pub(super) fn sums<const N: usize>(rows: Rows<'_, N>, open: u32) -> Sums {
         let Rows { raw, stride, floor } = rows;
         let floor = floor.as_flattened().as_ptr_range();
-        let [mut k0, mut k1, mut k2, mut k3, mut k4, mut k5, mut k6, mut k7] = [0u32; WORDS];
-        let (mut sum, mut running) = (0u32, 0u32);
+        let (k0, k1, k2, k3, sum, running): (u32, u32, u32, u32, u32, u32);
+        let [mut k4, mut k5, mut k6, mut k7] = [0u32; WORDS / 2];
         macro_rules! run {
             ($code:expr; $($column:ident),*) => {
                 // SAFETY: the instructions write registers that are given here and no memory, and
                 // read the rows only, which `Rows::new` found in their slices.
                 #[allow(unsafe_code)]
                 unsafe {
-                    asm!($code,
+                    asm!($(concat!("li {", stringify!($column), "}, 0"),)*
+                        "li {sum}, 0", "li {running}, 0", $code,
                         raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floor.start => _,
                         end = in(reg) floor.end, stride = in(reg) stride.wrapping_mul(4),
                         open = in(reg) open, signs = in(reg) SIGNS, ones = in(reg) ONES,
-                        $($column = inout(reg) $column,)*
-                        sum = inout(reg) sum, running = inout(reg) running,
+                        $($column = out(reg) $column,)*
+                        sum = out(reg) sum, running = out(reg) running,
                         a = out(reg) _, b = out(reg) _, c = out(reg) _, d = out(reg) _,
                         e = out(reg) _, row = out(reg) _,
                         options(pure, readonly, nostack));

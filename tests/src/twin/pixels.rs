@@ -50,12 +50,12 @@ struct Pixel {
     gain: f64,
 }
 
-/// The rows of a window in which peak and saturation are looked for: those on either side of the
-/// last centroid, which was at `y_px` from the centre.
+/// The row of a window in which peak and saturation are looked for: that nearest the last centroid,
+/// which was at `y_px` from the centre.
 pub fn watched_rows(size: usize, y_px: f64) -> std::ops::Range<usize> {
-    let row = (y_px + (size as f64 - 1.0) / 2.0).floor();
-    let first = row.clamp(0.0, size as f64 - 2.0) as usize;
-    first..first + 2
+    let row = (y_px + (size as f64 - 1.0) / 2.0 + 0.5).floor();
+    let first = row.clamp(0.0, size as f64 - 1.0) as usize;
+    first..first + 1
 }
 
 /// The model of everything from raw pixels to centroids.
