@@ -301,6 +301,12 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.height
     }
 
+    /// Bits of a raw pixel.
+    #[must_use]
+    pub const fn bits(&self) -> u8 {
+        self.bits
+    }
+
     /// The gate's and the frame's timing.
     #[must_use]
     pub const fn timing(&self) -> GateTiming {

@@ -13,7 +13,7 @@ pub mod ibex;
 mod in_process;
 mod log;
 pub mod process;
-mod program;
+pub mod program;
 pub mod qemu;
 pub mod remote;
 

@@ -6,6 +6,7 @@
 pub mod frames;
 pub mod golden;
 pub mod instrument;
+pub mod memory_map;
 pub mod twin;
 
 /// Runs `body` on a thread whose stack holds the largest configuration several times over.

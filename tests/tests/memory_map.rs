@@ -1,5 +1,6 @@
 //! `memory.x` against the reference manual of the STM32H743 (RM0433, chapter 2).
 
+use splash_tests::memory_map::{self, Region, bare, block};
 use std::collections::BTreeMap;
 
 const KIB: u64 = 1024;
@@ -15,66 +16,12 @@ const RM0433: [(&str, u64, u64); 7] = [
     ("BKPSRAM", 0x3880_0000, 4 * KIB),
 ];
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Region {
-    origin: u64,
-    length: u64,
-}
-
 fn script() -> String {
-    let text = include_str!("../../memory.x");
-    let mut bare = String::new();
-    for (i, part) in text.split("/*").enumerate() {
-        bare += if i == 0 { part } else { part.split_once("*/").expect("comment is closed").1 };
-    }
-    bare
-}
-
-fn number(text: &str) -> u64 {
-    let text = text.trim();
-    if let Some(hex) = text.strip_prefix("0x") {
-        u64::from_str_radix(hex, 16).expect("hexadecimal")
-    } else if let Some(kib) = text.strip_suffix('K') {
-        kib.parse::<u64>().expect("KiB") * KIB
-    } else {
-        text.parse().expect("decimal")
-    }
-}
-
-fn block<'a>(script: &'a str, name: &str) -> &'a str {
-    let (_, rest) = script.split_once(name).expect(name);
-    let body = rest.trim_start().strip_prefix('{').expect("opening brace");
-    let mut depth = 1;
-    for (i, c) in body.char_indices() {
-        depth += i32::from(c == '{') - i32::from(c == '}');
-        if depth == 0 {
-            return &body[..i];
-        }
-    }
-    panic!("{name} is not closed");
+    bare(include_str!("../../memory.x"))
 }
 
 fn regions() -> BTreeMap<String, Region> {
-    let script = script();
-    let lines = block(&script, "MEMORY").lines().filter(|line| !line.trim().is_empty());
-    let regions: Vec<_> = lines
-        .map(|line| {
-            let (name, rest) = line.split_once(':').expect("name : ORIGIN = .., LENGTH = ..");
-            let (origin, length) = rest.split_once(',').expect("ORIGIN, LENGTH");
-            let value = |text: &str, key| {
-                let (found, value) = text.split_once('=').expect("key = value");
-                assert_eq!(found.trim(), key);
-                number(value)
-            };
-            let region =
-                Region { origin: value(origin, "ORIGIN"), length: value(length, "LENGTH") };
-            (name.trim().to_owned(), region)
-        })
-        .collect();
-    let count = regions.len();
-    let map: BTreeMap<_, _> = regions.into_iter().collect();
-    assert_eq!(map.len(), count, "a region is named twice");
-    map
+    memory_map::regions(&script())
 }
 
 #[test]
@@ -119,16 +66,14 @@ fn stack_and_hot_state_are_in_dtcm_where_no_dma_buffer_can_be_placed() {
     let dtcm = 0x2000_0000..0x2002_0000;
     let ram = regions()["RAM"];
     assert_eq!(ram.origin..ram.origin + ram.length, dtcm);
-    let script = script();
-    let sections = block(&script, "SECTIONS");
-    assert!(!sections.contains("> RAM"), "RAM is left to cortex-m-rt");
+    assert!(!script().contains("> RAM"), "RAM is left to cortex-m-rt");
 }
 
 #[test]
 fn extra_sections_are_uninitialised_and_lie_in_regions_of_their_name() {
     let script = script();
     let regions = regions();
-    let sections = block(&script, "SECTIONS");
+    let (sections, after) = block(&script, "SECTIONS");
     let mut found = Vec::new();
     let mut rest = sections;
     while let Some((head, tail)) = rest.split_once('{') {
@@ -145,6 +90,19 @@ fn extra_sections_are_uninitialised_and_lie_in_regions_of_their_name() {
     }
     assert_eq!(found, ["axisram", "sram123", "sram4", "bkpsram"]);
     // Without INSERT these would replace the sections of cortex-m-rt.
-    let (_, after) = script.split_once(sections).expect("SECTIONS");
-    assert_eq!(after.trim_start_matches('}').trim(), "INSERT AFTER .bss;");
+    assert!(after.trim_start().starts_with("INSERT AFTER .bss;"));
+}
+
+/// Linked for one memory, loaded from another: the board's start copies it.
+#[test]
+fn code_of_itcm_is_loaded_from_flash_and_leaves_the_null_pointer_alone() {
+    let script = script();
+    let (_, rest) = block(&script, "SECTIONS");
+    let (sections, after) = block(rest, "SECTIONS");
+    let (itcm, place) = block(sections, ".itcm : ALIGN(32)");
+    let first = itcm.lines().map(str::trim).find(|line| !line.is_empty());
+    assert_eq!(first, Some(". += 32;"));
+    let place: Vec<_> = place.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
+    assert_eq!(place, ["> ITCM AT > FLASH", "__siitcm = LOADADDR(.itcm) + 32;"]);
+    assert_eq!(after.trim(), "INSERT AFTER .rodata;");
 }

@@ -32,24 +32,34 @@ pub(super) fn tree() -> &'static Path {
     package.parent().unwrap_or(package)
 }
 
-/// Runs `cargo build` in `folder` of the source tree, with the result in `target/boards` at its top.
-fn build(folder: PathBuf, arguments: &[&str], target: &'static str) -> Result<PathBuf, BuildError> {
-    if !folder.exists() {
-        return Err(BuildError::Sources(folder));
-    }
-    let tree = tree();
-    let built = tree.join("target/boards");
+/// Where results of [`cargo_build`] are.
+fn built() -> PathBuf {
+    tree().join("target/boards")
+}
+
+/// `cargo build --release` in `folder` of the source tree, with the result in `target/boards` at its top.
+#[must_use]
+pub fn cargo_build(folder: &Path) -> Command {
     let mut cargo = Command::new("cargo");
     // What tests/toolchain.sh said: nothing, or the toolchain that has the targets.
-    let toolchain = std::fs::read_to_string(tree.join("target/embedded-toolchain"));
+    let toolchain = std::fs::read_to_string(tree().join("target/embedded-toolchain"));
     cargo.args(toolchain.ok().as_deref().map(str::trim).filter(|name| !name.is_empty()));
-    cargo.args(["build", "--release", "--target-dir"]).arg(&built).args(arguments);
+    cargo.args(["build", "--release", "--target-dir"]).arg(built());
     // The same program, whatever the caller builds his own with.
     for variable in ["RUSTFLAGS", "CARGO_ENCODED_RUSTFLAGS", "CARGO_BUILD_TARGET"] {
         cargo.env_remove(variable);
     }
-    let status = cargo.current_dir(&folder).status().map_err(BuildError::Cargo)?;
-    if status.success() { Ok(built) } else { Err(BuildError::Failed { folder, target }) }
+    cargo.current_dir(folder);
+    cargo
+}
+
+/// Runs it.
+fn build(folder: PathBuf, arguments: &[&str], target: &'static str) -> Result<PathBuf, BuildError> {
+    if !folder.exists() {
+        return Err(BuildError::Sources(folder));
+    }
+    let status = cargo_build(&folder).args(arguments).status().map_err(BuildError::Cargo)?;
+    if status.success() { Ok(built()) } else { Err(BuildError::Failed { folder, target }) }
 }
 
 /// Builds program `name` of the board in `firmware/boards/BOARD`, which takes no time if it is up

@@ -1,10 +1,10 @@
 //! A configuration image that arrives in pieces, while it is being loaded.
 
-use crate::Port;
+use crate::Link;
 use splash_firmware::link::{Message, PIECE, Receiver, Request};
 
 /// The pieces of one image, read as one stream of bytes.
-pub(crate) struct Pieces<'a, T: Port> {
+pub struct Pieces<'a, T: Link> {
     port: &'a mut T,
     receiver: &'a mut Receiver,
     piece: heapless::Vec<u8, PIECE>,
@@ -19,11 +19,12 @@ pub(crate) struct Pieces<'a, T: Port> {
     interrupt: Option<Message<Request>>,
 }
 
-/// How the link was left.
-pub(crate) type Left<E> = Result<Option<Message<Request>>, E>;
+/// How the link was left: with the request that came where a piece was due.
+pub type Left<E> = Result<Option<Message<Request>>, E>;
 
-impl<'a, T: Port> Pieces<'a, T> {
-    pub(crate) fn new(port: &'a mut T, receiver: &'a mut Receiver, length: u32) -> Self {
+impl<'a, T: Link> Pieces<'a, T> {
+    /// Those of the image of `length` bytes that was announced on `port`.
+    pub fn new(port: &'a mut T, receiver: &'a mut Receiver, length: u32) -> Self {
         Self {
             port,
             receiver,
@@ -38,7 +39,7 @@ impl<'a, T: Port> Pieces<'a, T> {
     }
 
     /// Fills `bytes`, or returns `false`: the image is shorter, or a piece was lost.
-    pub(crate) fn fill(&mut self, bytes: &mut [u8]) -> bool {
+    pub fn fill(&mut self, bytes: &mut [u8]) -> bool {
         bytes.iter_mut().all(|byte| {
             while self.read == self.piece.len() {
                 if !self.advance() {
@@ -54,7 +55,10 @@ impl<'a, T: Port> Pieces<'a, T> {
 
     /// Takes what is left of the image, so that the next request is found behind it, and returns
     /// the request that cut it short.
-    pub(crate) fn drain(mut self) -> Left<T::Error> {
+    ///
+    /// # Errors
+    /// If the link ended.
+    pub fn drain(mut self) -> Left<T::Error> {
         while self.advance() {}
         match self.end {
             Some(error) => Err(error),

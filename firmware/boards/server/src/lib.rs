@@ -1,8 +1,11 @@
-//! What the emulated boards have in common: the loop in which they serve host-sim over a link.
+//! What the boards have in common: the loop in which the emulated ones serve host-sim over a link.
 //!
 //! A board implements [`Port`] and calls [`serve`]. Detector rows, DACs and marks have their own
 //! ways in and out, as on a real board; configuration, reports and telemetry go over the
 //! [link](splash_firmware::link).
+//!
+//! A board whose frames come by themselves has a loop of its own, and takes from here the [`Link`]
+//! with its [`receive`], [`Pieces`] and [`Outbox`].
 
 #![no_std]
 
@@ -10,9 +13,41 @@ mod image;
 mod outbox;
 mod server;
 
-pub use server::serve;
+pub use image::{Left, Pieces};
+pub use outbox::Outbox;
+pub use server::{receive, serve};
 
 use splash_firmware::link::Stack;
+
+/// A stream of bytes to and from a PC.
+pub trait Link {
+    /// Why a transfer failed: the other end is gone.
+    type Error;
+
+    /// Fills `bytes` from the link; blocks.
+    ///
+    /// # Errors
+    /// If the link ends before.
+    fn receive(&mut self, bytes: &mut [u8]) -> Result<(), Self::Error>;
+
+    /// Sends all of `bytes` on the link; blocks.
+    ///
+    /// # Errors
+    /// If the link has ended.
+    fn send(&mut self, bytes: &[u8]) -> Result<(), Self::Error>;
+}
+
+impl<T: Port> Link for T {
+    type Error = T::Error;
+
+    fn receive(&mut self, bytes: &mut [u8]) -> Result<(), Self::Error> {
+        Port::receive(self, bytes)
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<(), Self::Error> {
+        Port::send(self, bytes)
+    }
+}
 
 /// What an emulated board gives to the server.
 pub trait Port {

@@ -1,16 +1,22 @@
 //! Answers, piece by piece.
 
-use crate::Port;
+use crate::Link;
 use splash_firmware::link::{self, List, Message, Response};
 
 /// Sends the answers to one request.
-pub(crate) struct Outbox<'a, T> {
-    pub(crate) port: &'a mut T,
-    pub(crate) sequence: u16,
+pub struct Outbox<'a, T> {
+    /// Where to.
+    pub port: &'a mut T,
+    /// Number of the request.
+    pub sequence: u16,
 }
 
-impl<T: Port> Outbox<'_, T> {
-    pub(crate) fn send(&mut self, body: Response) -> Result<(), T::Error> {
+impl<T: Link> Outbox<'_, T> {
+    /// Sends one.
+    ///
+    /// # Errors
+    /// If the link has ended.
+    pub fn send(&mut self, body: Response) -> Result<(), T::Error> {
         let mut wire = [0; link::WIRE];
         match link::encode(&Message { sequence: self.sequence, body }, &mut wire) {
             Ok(bytes) => self.port.send(bytes),
@@ -20,7 +26,10 @@ impl<T: Port> Outbox<'_, T> {
     }
 
     /// Sends a list in pieces.
-    pub(crate) fn list<E: Copy>(
+    ///
+    /// # Errors
+    /// If the link has ended.
+    pub fn list<E: Copy>(
         &mut self,
         items: &[E],
         piece: fn(u16, List<E>) -> Response,

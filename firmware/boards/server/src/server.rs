@@ -1,8 +1,8 @@
 //! Requests, one after the other.
 
-use crate::Port;
 use crate::image::Pieces;
 use crate::outbox::Outbox;
+use crate::{Link, Port};
 use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;
 use splash_firmware::link::{Identity, Message, Reason, Receiver, Request, Response};
@@ -45,7 +45,10 @@ fn mark_twice<T: Port>() {
 }
 
 /// The next request; what cannot be read is passed over.
-pub(crate) fn receive<T: Port>(
+///
+/// # Errors
+/// If the link ends.
+pub fn receive<T: Link>(
     port: &mut T,
     receiver: &mut Receiver,
 ) -> Result<Message<Request>, T::Error> {
@@ -83,7 +86,7 @@ impl<const M: usize, const P: usize, const B: usize> Server<'_, M, P, B> {
         port: &mut T,
         receiver: &mut Receiver,
         request: Message<Request>,
-    ) -> crate::image::Left<T::Error> {
+    ) -> crate::Left<T::Error> {
         let mut out = Outbox { port, sequence: request.sequence };
         match request.body {
             Request::Identify => out.send(Response::Identity(self.identity()))?,

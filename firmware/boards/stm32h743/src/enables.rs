@@ -1,0 +1,37 @@
+//! Interlock inputs and enables: four pins. Each step of what they do is in
+//! `stm32h743_logic::interlock`.
+
+use crate::pins::port;
+use embassy_stm32::pac::gpio::vals::{Idr, Moder, Pupdr};
+use stm32h743_logic::interlock::Chains;
+use stm32h743_logic::pins::{
+    HIGH_VOLTAGE_CLOSED, HIGH_VOLTAGE_ENABLE, LASER_CLOSED, LASER_ENABLE, Pin,
+};
+
+/// Takes both enables down and makes the pins what they are.
+pub(crate) fn down() {
+    set(false);
+    for pin in [LASER_ENABLE, HIGH_VOLTAGE_ENABLE] {
+        port(pin).moder().modify(|w| w.set_moder(pin.number.into(), Moder::OUTPUT));
+    }
+    for pin in [LASER_CLOSED, HIGH_VOLTAGE_CLOSED] {
+        port(pin).pupdr().modify(|w| w.set_pupdr(pin.number.into(), Pupdr::PULL_DOWN));
+        port(pin).moder().modify(|w| w.set_moder(pin.number.into(), Moder::INPUT));
+    }
+}
+
+/// Sets both enables.
+pub(crate) fn set(up: bool) {
+    for pin in [LASER_ENABLE, HIGH_VOLTAGE_ENABLE] {
+        port(pin).bsrr().write(|w| {
+            w.set_bs(pin.number.into(), up);
+            w.set_br(pin.number.into(), !up);
+        });
+    }
+}
+
+/// Reads both chains.
+pub(crate) fn chains() -> Chains {
+    let closed = |pin: Pin| port(pin).idr().read().idr(pin.number.into()) == Idr::HIGH;
+    Chains { laser: closed(LASER_CLOSED), high_voltage: closed(HIGH_VOLTAGE_CLOSED) }
+}
