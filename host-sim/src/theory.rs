@@ -4,6 +4,7 @@
 //! | module | equation |
 //! |---|---|
 //! | [`kolmogorov`] | D(r), and the integral of r^(5/3) along a line |
+//! | [`pupil_rule`] | which squares are subapertures |
 //! | [`squares`] | where beams cross a layer |
 //! | [`covariance`] | <g_i g_l> of gradients averaged over squares |
 //! | [`zernike`] | Z_j in Noll's order |
@@ -24,9 +25,11 @@ pub mod legendre;
 pub mod mean_gradient;
 pub mod noll;
 pub mod phase_covariance;
+pub mod pupil_rule;
 pub mod reconstructor;
 pub mod residuals;
 pub mod squares;
 pub mod zernike;
 
-pub use residuals::{Fractions, Layer, Reconstruction, Residuals, Theory, default_order};
+pub use pupil_rule::PupilRule;
+pub use residuals::{BETAS, Fractions, Layer, Reconstruction, Residuals, Theory, default_order};

@@ -125,15 +125,15 @@ impl Lattice {
         let farthest = rows.cells().iter().flatten().map(|cell| cell.unsigned_abs()).max()?;
         let across = farthest as usize + 1;
         let at = |k: usize| [(k % across) as f64 * pitch, (k / across) as f64 * pitch];
-        let table =
-            (0..across * across).into_par_iter().map(|k| pair.covariance(at(k))).collect();
+        let table = (0..across * across).into_par_iter().map(|k| pair.covariance(at(k))).collect();
         Some(Self { across, table })
     }
 
     /// Reflection in an axis changes the sign of xy only.
     fn covariance(&self, from: [i32; 2], to: [i32; 2]) -> Covariance {
         let [x, y] = [(from[0] - to[0]) / 2, (from[1] - to[1]) / 2];
-        let found = self.table[(y.unsigned_abs() as usize) * self.across + x.unsigned_abs() as usize];
+        let found =
+            self.table[(y.unsigned_abs() as usize) * self.across + x.unsigned_abs() as usize];
         Covariance { xy: found.xy * f64::from(x.signum() * y.signum()), ..found }
     }
 }

@@ -13,9 +13,10 @@ use super::squares::Squares;
 use super::zernike::Zernikes;
 use nalgebra::DMatrix;
 
-/// A mode must stand out of those before it by more than this part of its length, or it is not
-/// seen: least squares would multiply errors by the inverse.
-pub const INDEPENDENT: f64 = 1e-2;
+/// A mode must stand out of those before it by more than this part of its length, or it counts as
+/// unseen: least squares multiplies errors by up to the inverse. On a circle that is so for all
+/// modes through order N, some of order N + 1 leave nothing, and above N = 30 the limit is lower.
+pub const INDEPENDENT: f64 = 1e-3;
 
 /// A pupil does not show all modes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -48,12 +49,11 @@ pub fn invert(gradients: &DMatrix<f64>, max_order: usize) -> Result<DMatrix<f64>
     let seen = columns.min(rows);
     let qr = gradients.columns(0, seen).into_owned().qr();
     let r = qr.r();
-    let hidden =
-        (0..seen).find(|&j| r[(j, j)].abs() <= INDEPENDENT * gradients.column(j).norm());
+    let hidden = (0..seen).find(|&j| r[(j, j)].abs() <= INDEPENDENT * gradients.column(j).norm());
     match hidden.or((seen < columns).then_some(seen)) {
-        None => Ok(r
-            .solve_upper_triangular(&qr.q().transpose())
-            .expect("the diagonal has no zeros")),
+        None => {
+            Ok(r.solve_upper_triangular(&qr.q().transpose()).expect("the diagonal has no zeros"))
+        }
         Some(mode) => {
             // Mode 0 is j = 2: orders up to n have n (n + 3) / 2 modes.
             let complete = |order: &usize| order * (order + 3) / 2 <= mode;

@@ -26,17 +26,22 @@ use clap::ValueEnum;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use splash_firmware::geometry::Mask;
+use std::ops::RangeInclusive;
 
 /// Points along an edge when covariances of phase are averaged over it: see
 /// [`super::mean_gradient`].
 pub const EDGE_POINTS: usize = 12;
+
+/// The betas for which results are exact to 1e-5: below, a layer is close to its beacon, and
+/// covariances lose too many digits.
+pub const BETAS: RangeInclusive<f64> = 0.1..=1.0;
 
 /// A turbulent layer, by what matters here.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Layer {
     /// Share of the turbulence; shares are normalised.
     pub weight: f64,
-    /// 1 - height / beacon height, above 0 and at most 1.
+    /// 1 - height / beacon height, one of [`BETAS`].
     pub beta: f64,
 }
 
@@ -97,10 +102,15 @@ pub struct Residuals {
     pub ngs: Floor,
 }
 
-/// The highest radial order fitted unless told otherwise: 3 N / 4 + 1, rounded down, which is 7, 10
-/// and 13 for N = 8, 12 and 16.
+/// The highest radial order fitted unless told otherwise: the smaller of 3 N / 4 + 1 and N / 2 + 5,
+/// rounded down, which is 7, 10 and 13 for N = 8, 12 and 16.
+///
+/// It leaves less than 3/4 of the variance of any order to a natural guide star. A fit of more orders
+/// multiplies what is aliased: two more leave more than all of the highest. The slower growth above
+/// N = 16 is that of polynomials fitted to points on a grid, which are well conditioned up to a degree
+/// that grows as the square root of N.
 pub fn default_order(across: usize) -> usize {
-    3 * across / 4 + 1
+    (3 * across / 4 + 1).min(across / 2 + 5)
 }
 
 /// Moments of a sensor's coefficients b', mode by mode, summed over layers.
@@ -142,9 +152,8 @@ impl Theory {
         let kept = layers.iter().filter(|layer| layer.weight > 0.0);
         let layers: Vec<Layer> = kept.map(share).collect();
         let subapertures = Squares::subapertures(mask);
-        let inverse = |footprints: &[(f64, Squares)]| {
-            invert(&gradients(footprints, max_order), max_order)
-        };
+        let inverse =
+            |footprints: &[(f64, Squares)]| invert(&gradients(footprints, max_order), max_order);
         let nominal = inverse(&[(1.0, subapertures.clone())])?;
         let matched = || {
             let footprint = |layer: &Layer| (layer.weight, subapertures.splash(layer.beta));
@@ -180,9 +189,10 @@ impl Theory {
             mean_gradients(squares, count, &rule, |point, out| phase.values(point, out)).transpose()
         };
         let (nominal, subapertures) = (&self.nominal, &self.subapertures);
-        let true_own = phase.modes().iter().map(|&Mode { radial, azimuthal, .. }| {
-            noll::covariance(radial, radial, azimuthal)
-        });
+        let true_own = phase
+            .modes()
+            .iter()
+            .map(|&Mode { radial, azimuthal, .. }| noll::covariance(radial, radial, azimuthal));
         let true_own = DVector::from_iterator(count, true_own);
         let sensed_own = diagonal(&(nominal * gradients(subapertures, subapertures)), nominal);
         let true_with_sensed = diagonal(&with_coefficients(subapertures), nominal);
