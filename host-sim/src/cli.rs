@@ -230,7 +230,8 @@ pub struct TheoryArgs {
     )]
     pub(crate) layers: Vec<Layer>,
     /// Highest radial order fitted, 2 to 40, one for all or one for each N [default: the smaller of
-    /// 3N/4 + 1 and N/2 + 5: 7, 10 and 13 for N = 8, 12 and 16]
+    /// 3N/4 + 1 and N/2 + 5, which is 7, 10 and 13 for N = 8, 12 and 16, or as many as the
+    /// subapertures tell apart]
     #[arg(
         long,
         value_name = "ORDER",

@@ -6,6 +6,7 @@ use super::{output, progress};
 use crate::cli::TheoryArgs;
 use crate::error::{Error, refuse};
 use crate::instrument::Instrument;
+use crate::theory::reconstructor::Degenerate;
 use crate::theory::{BETAS, Layer, Reconstruction, Residuals, Theory, default_order};
 use serde::Serialize;
 use splash_firmware::geometry::Mask;
@@ -70,6 +71,11 @@ pub fn run(args: &TheoryArgs) -> Result<(), Error> {
     for (array, result) in arrays.iter().zip(&result.arrays) {
         table.push(("array", array.title()));
         table.extend(results::rows(&result.residuals).map(|row| ("", row)));
+        if result.residuals.ngs.total.iter().any(|&total| total > 1.0) {
+            let note =
+                "a natural guide star adds to some orders: the pupil suits a lower --max-order";
+            table.push(("note", note.into()));
+        }
     }
     table.push(("reconstructor", in_words(args.reconstructor).into()));
     table.push(("time", format!("{:.2} s", start.elapsed().as_secs_f64())));
@@ -97,24 +103,32 @@ fn arrays(args: &TheoryArgs) -> Result<Vec<Array>, Error> {
     let mut arrays = Vec::new();
     for (index, &n) in across.iter().enumerate() {
         let mask = mask(args, &instrument, n)?;
-        let order = args.max_order.get(index).or(args.max_order.first()).copied();
-        let order = order.unwrap_or_else(|| default_order(n));
+        let given = args.max_order.get(index).or(args.max_order.first()).copied();
         for layers in &atmospheres {
-            let theory = Theory::new(&mask, order, layers, args.reconstructor).map_err(|error| {
-                let (highest, count) = (error.highest, mask.count());
-                if highest < 2 {
-                    return refuse("telescope.pupil", count, "subapertures enough for order 2");
-                }
-                let limit = format!(
-                    "at most {highest} with these {count} subapertures of N = {n}, which cannot \
-                     tell higher orders apart"
-                );
-                refuse("--max-order", order, &limit)
-            })?;
+            let new = |order| Theory::new(&mask, order, layers, args.reconstructor);
+            let order = given.unwrap_or_else(|| default_order(n));
+            let theory = match (new(order), given) {
+                // Few subapertures: as many orders as they tell apart.
+                (Err(error), None) if error.highest >= 2 => new(error.highest),
+                (theory, _) => theory,
+            };
+            let theory = theory.map_err(|error| refuse_order(order, n, mask.count(), error))?;
             arrays.push(Array { n, subapertures: mask.count(), layers: layers.clone(), theory });
         }
     }
     Ok(arrays)
+}
+
+fn refuse_order(order: usize, n: usize, subapertures: usize, error: Degenerate) -> Error {
+    if error.highest < 2 {
+        return refuse("telescope.pupil", subapertures, "subapertures enough for radial order 2");
+    }
+    let limit = format!(
+        "at most {} with the {subapertures} subapertures of N = {n}: they do not tell higher radial \
+         orders apart",
+        error.highest
+    );
+    refuse("--max-order", order, &limit)
 }
 
 fn mask(args: &TheoryArgs, instrument: &Instrument, n: usize) -> Result<Mask, Error> {

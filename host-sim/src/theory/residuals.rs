@@ -105,10 +105,10 @@ pub struct Residuals {
 /// The highest radial order fitted unless told otherwise: the smaller of 3 N / 4 + 1 and N / 2 + 5,
 /// rounded down, which is 7, 10 and 13 for N = 8, 12 and 16.
 ///
-/// It leaves less than 3/4 of the variance of any order to a natural guide star. A fit of more orders
-/// multiplies what is aliased: two more leave more than all of the highest. The slower growth above
-/// N = 16 is that of polynomials fitted to points on a grid, which are well conditioned up to a degree
-/// that grows as the square root of N.
+/// On a circle it leaves less than 3/4 of the variance of any order to a natural guide star. A fit of
+/// more orders multiplies what is aliased: two more leave more than all of one, or cannot be told
+/// apart. The slower growth above N = 16 is that of polynomials fitted to points on a grid, well
+/// conditioned up to a degree that grows as the square root of N.
 pub fn default_order(across: usize) -> usize {
     (3 * across / 4 + 1).min(across / 2 + 5)
 }

@@ -52,10 +52,15 @@ pub(super) fn rows(residuals: &Residuals) -> impl Iterator<Item = String> {
     };
     let columns = columns(residuals);
     let numbers = residuals.orders.iter().enumerate().map(|(index, order)| {
-        line(&order.to_string(), columns.map(|column| format!("{:.5}", column[index])))
+        line(&order.to_string(), columns.map(|column| number(column[index])))
     });
     let head = [line("", groups.map(String::from)), line("order", kinds.map(String::from))];
     head.into_iter().chain(numbers.collect::<Vec<_>>())
+}
+
+/// Five digits behind the point, or four significant ones where a fit runs away.
+fn number(value: f64) -> String {
+    if value < 100.0 { format!("{value:.5}") } else { format!("{value:.3e}") }
 }
 
 /// One line a radial order. The beta of several layers is their mean by weight.
