@@ -199,8 +199,8 @@ pub struct TheoryArgs {
     /// and subapertures
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
-    /// Subapertures across the pupil, 4 to 40, one array for each [default: the description's if
-    /// one is given, else 8,12]
+    /// Subapertures across the pupil, 4 to 40, one array for each; 40 takes ten seconds or so, and
+    /// 0.1 GB [default: the description's if one is given, else 8,12]
     #[arg(
         long,
         value_name = "N",
@@ -243,6 +243,9 @@ pub struct TheoryArgs {
     /// Which squares of the grid are subapertures [default: the description's, circle]
     #[arg(long, value_name = "RULE", value_enum)]
     pub(crate) pupil: Option<PupilRule>,
+    /// Central obstruction of an annulus, 0 to 0.99 of the diameter [default: the description's, 0]
+    #[arg(long, value_name = "FRACTION", allow_negative_numbers = true)]
+    pub(crate) obstruction: Option<f64>,
     /// SPLASH's reconstructor; guide stars have the nominal one
     #[arg(long, value_enum, default_value_t = Reconstruction::Mixed)]
     pub(crate) reconstructor: Reconstruction,

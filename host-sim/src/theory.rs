@@ -18,6 +18,18 @@
 //! fractions, the same for any r0 and wavelength. Coefficients are those of the unobstructed circle
 //! whatever the pupil's outline. As in the paper, light travels in straight lines, nothing is said
 //! of the way down, and there is no noise.
+//!
+//! ```
+//! use host_sim::theory::{Layer, Reconstruction, Theory};
+//! use splash_firmware::geometry::Mask;
+//!
+//! let mask = Mask::circle(8).unwrap();
+//! let layers = [Layer { weight: 1.0, beta: 0.75 }];
+//! let residuals = Theory::new(&mask, 7, &layers, Reconstruction::Mixed)?.residuals(&mut || ());
+//! assert_eq!(residuals.orders, [2, 3, 4, 5, 6, 7]);
+//! assert!(residuals.splash.sensed[0] < 0.01 && residuals.lgs.sensed[0] > 0.16);
+//! # Ok::<(), host_sim::theory::reconstructor::Degenerate>(())
+//! ```
 
 pub mod covariance;
 pub mod kolmogorov;

@@ -105,7 +105,7 @@ fn the_polynomials_are_orthonormal_up_to_order_40() {
     let mut row = nalgebra::DVector::zeros(count);
     for &(r, weight) in rule.nodes() {
         for k in 0..angles {
-            let (sin, cos) = (TAU * (k as f64 + 0.25) / f64::from(angles)).sin_cos();
+            let (sin, cos) = (TAU * (f64::from(k) + 0.25) / f64::from(angles)).sin_cos();
             zernikes.values([r * cos, r * sin], row.as_mut_slice());
             products.ger(2.0 * r * weight / f64::from(angles), &row, &row, 1.0);
         }

@@ -97,7 +97,8 @@ fn arrays(args: &TheoryArgs) -> Result<Vec<Array>, Error> {
     };
     if args.max_order.len() > 1 && args.max_order.len() != across.len() {
         let limit = format!("one order, or one for each of {} N", across.len());
-        return Err(refuse("--max-order", format!("{:?}", args.max_order), &limit));
+        let given: Vec<_> = args.max_order.iter().map(usize::to_string).collect();
+        return Err(refuse("--max-order", given.join(","), &limit));
     }
     let atmospheres = atmospheres(args, &instrument)?;
     let mut arrays = Vec::new();
@@ -132,13 +133,13 @@ fn refuse_order(order: usize, n: usize, subapertures: usize, error: Degenerate) 
 }
 
 fn mask(args: &TheoryArgs, instrument: &Instrument, n: usize) -> Result<Mask, Error> {
+    let mut instrument = instrument.clone();
+    let telescope = &mut instrument.telescope;
+    telescope.subapertures = n;
+    telescope.obstruction = args.obstruction.unwrap_or(telescope.obstruction);
     match args.pupil {
-        Some(rule) => Ok(rule.mask(n, instrument.telescope.obstruction)?),
-        None => {
-            let mut instrument = instrument.clone();
-            instrument.telescope.subapertures = n;
-            instrument.mask()
-        }
+        Some(rule) => Ok(rule.mask(n, telescope.obstruction)?),
+        None => instrument.mask(),
     }
 }
 
@@ -163,7 +164,7 @@ fn atmospheres(args: &TheoryArgs, instrument: &Instrument) -> Result<Vec<Vec<Lay
         if !BETAS.contains(&beta) {
             let field = format!("atmosphere.layers[{index}].height_m");
             let highest_m = (1.0 - BETAS.start()) * beacon_m;
-            let limit = format!("at most {highest_m}, 0.9 of laser.beacon_height_m");
+            let limit = format!("below {highest_m:.0}, 0.9 of laser.beacon_height_m");
             return Err(refuse(&field, layer.height_m, &limit));
         }
         Ok(Layer { weight: layer.weight, beta })
@@ -190,14 +191,16 @@ impl ArrayResult {
     }
 }
 
+/// The layers in a few words: up to three of them one by one.
 fn sky(layers: &[Layer]) -> String {
+    let short = |value: f64| (value * 1e4).round() / 1e4;
     match layers {
-        [layer] => format!("beta = {}", layer.beta),
-        _ => {
-            let layers: Vec<_> =
-                layers.iter().map(|layer| format!("{}:{}", layer.weight, layer.beta)).collect();
-            format!("weight:beta {}", layers.join(", "))
+        [layer] => format!("beta = {}", short(layer.beta)),
+        [_, _] | [_, _, _] => {
+            let one = |layer: &Layer| format!("{}:{}", short(layer.weight), short(layer.beta));
+            format!("weight:beta {}", layers.iter().map(one).collect::<Vec<_>>().join(", "))
         }
+        _ => format!("{} layers", layers.len()),
     }
 }
 

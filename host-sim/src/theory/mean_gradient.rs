@@ -4,7 +4,8 @@
 //!
 //! Gauss-Legendre quadrature along the edges is exact for polynomials. Covariances with Zernike
 //! coefficients are analytic on both sides of the unit circle and lose some derivative there, so
-//! an edge that crosses it is integrated in parts: 12 points on each part give 1e-11.
+//! an edge that crosses it is integrated in parts: 12 points on each part leave less than 1e-9 of the
+//! coefficient's variance.
 
 use super::legendre::GaussLegendre;
 use super::squares::Squares;

@@ -7,7 +7,8 @@
 //!
 //! c_j(x) = sum_k <a_j a_k> Z_k(x),
 //!
-//! whose terms fall with the -8.3th power of the order: 60 orders beyond the highest give 1e-12.
+//! whose terms fall with the -8.3th power of the order: what is beyond 60 more orders than the highest
+//! is below 1e-9 of the coefficient's variance.
 //! Outside, where corners of subapertures lie, the integral (Weber, Schafheitlin) is
 //!
 //! Gamma(a) / [2^(11/3) (n + 1)! Gamma((m - n + 11/3) / 2)] r^(5/3 - n) 2F1(a, b; n + 2; 1 / r^2),

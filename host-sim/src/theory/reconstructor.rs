@@ -6,6 +6,7 @@
 //! subapertures (D); `matched` takes it over the smaller squares that SPLASH's beams cover at a layer
 //! (D'), so that it knows which part of the wavefront was measured. With several layers of weights
 //! w_k, the gradients to expect from given coefficients are sum_k w_k D'_k a, and that is inverted.
+//! The lever arm is in neither of them.
 
 use super::legendre::GaussLegendre;
 use super::mean_gradient::mean_gradients;
