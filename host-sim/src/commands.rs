@@ -7,3 +7,4 @@ mod output;
 pub mod profile;
 mod progress;
 pub mod replay;
+pub mod theory;

@@ -14,11 +14,13 @@ mod canvas;
 mod colour;
 mod detector_frame;
 mod maps;
+mod panels;
 mod series;
 mod timeline;
 
 pub use detector_frame::{WindowMark, detector_frame};
 pub use maps::{phase_map, psf, segment_map};
+pub use panels::{Curve, Panel, panels};
 pub use series::strehl_series;
 pub use timeline::{Timeline, timeline};
 

@@ -14,6 +14,7 @@
 //! | [`profile`] | what a frame costs on a board |
 //! | [`closed_loop`] | all of them, frame after frame |
 //! | [`summary`] | averages, digest and faults of a run |
+//! | [`theory`] | what each sensor can sense, by equations |
 //! | [`files`], [`figures`] | FITS, CSV and pictures |
 //! | [`cli`], [`commands`] | the command line |
 
@@ -36,3 +37,4 @@ pub mod pupil;
 pub mod reconstructor;
 pub mod screen;
 pub mod summary;
+pub mod theory;

@@ -290,6 +290,7 @@ fn help_has_defaults_and_units() {
         ("frames", &["<FILE>", "FITS", "default: 500", "4 to 40", "JSON"][..]),
         ("replay", &["<FILE>", "target/splash", "TOML", "JSON"]),
         ("config", &["TOML", "default"]),
+        ("theory", &["4 to 40", "8,12", "0.75", "0.6:1,0.4:0.75", "7, 10 and 13", "JSON"]),
     ] {
         let help = place.run(&[command, "--help"]);
         for word in words {
@@ -545,4 +546,134 @@ fn a_profile_has_every_stage() {
     }
     place.refused(&["profile", "--window", "3"], &["windows.size", "3"]);
     place.refused(&["profile", "--bits", "17"], &["bits", "17"]);
+}
+
+/// The theory's JSON, table and files agree with one another.
+#[test]
+fn the_theory_has_every_variant() {
+    let place = Place::new();
+    let result = place.json(&["theory", "--out", "out"]);
+    let arrays = result["arrays"].as_array().unwrap();
+    // The paper's arrays: N, orders fitted.
+    let shapes: Vec<_> = arrays.iter().map(|array| (&array["n"], &array["beta"])).collect();
+    assert_eq!(shapes, [(&Value::from(8), &Value::from(0.75)), (&12.into(), &0.75.into())]);
+    let table = Series::read(place.path("out/residuals.csv")).unwrap();
+    let mut file = FitsReader::open(place.path("out/residuals.fits")).unwrap();
+    let mut line = 0;
+    for (index, (array, highest)) in arrays.iter().zip([7, 10]).enumerate() {
+        let names = ["beta", "lgs", "lgs_lever", "n", "ngs", "orders", "splash", "splash_lever"];
+        assert_eq!(keys(array), names);
+        let orders: Vec<usize> = (2..=highest).collect();
+        assert_eq!(array["orders"], serde_json::json!(orders));
+        let (shape, image) = file.image::<f64>(index).unwrap();
+        assert_eq!(shape, [orders.len(), 9]);
+        for (k, order) in orders.iter().enumerate() {
+            let row = &table.rows[line];
+            assert_eq!(row[..3], [array["n"].as_f64().unwrap(), 0.75, *order as f64]);
+            let sensors = ["splash", "splash_lever", "lgs", "lgs_lever"];
+            let pairs = sensors.iter().flat_map(|sensor| [(*sensor, "sensed"), (*sensor, "total")]);
+            for (column, (sensor, kind)) in pairs.chain([("ngs", "total")]).enumerate() {
+                let value = array[sensor][kind][k].as_f64().unwrap();
+                assert!(value > 0.0 && value < 2.0, "{sensor} {kind} {order}: {value}");
+                assert_eq!(row[3 + column], value, "{sensor} {kind} {order}");
+                assert_eq!(table.columns[3 + column], format!("{sensor}_{kind}"));
+                assert_eq!(image[column * orders.len() + k], value, "{sensor} {kind} {order}");
+            }
+            // What the paper shows: SPLASH loses little, and a laser guide star ever more.
+            assert!(row[3] < 0.07 && row[7] > 0.16, "order {order}");
+            line += 1;
+        }
+    }
+    assert_eq!(table.rows.len(), line);
+    for (name, curves) in [("sensed", 4), ("total", 5)] {
+        let text = std::fs::read_to_string(place.path(&format!("out/{name}.svg"))).unwrap();
+        let figure = roxmltree::Document::parse(&text).unwrap();
+        assert!(!text.contains("NaN"), "{name}");
+        let drawn = figure.descendants().filter(|node| node.tag_name().name() == "path").count();
+        assert_eq!(drawn, 2 * curves, "{name}: both panels");
+        for label in ["N = 8, 52 subapertures, beta = 0.75", "SPLASH", "LGS", "radial order"] {
+            assert!(text.contains(label), "{name}: {label}");
+        }
+    }
+    let printed = place.run(&["theory", "--n", "8", "--out", "out"]);
+    let first = format!("{:.5}", arrays[0]["splash"]["sensed"][0].as_f64().unwrap());
+    assert!(printed.contains(&first) && printed.contains("matched"), "{printed}");
+}
+
+#[test]
+fn the_theory_takes_layers_and_pupils() {
+    let place = Place::new();
+    let of = |arguments: &[&str]| place.json(&[&["theory", "--n", "8"], arguments].concat());
+    // The paper's two layers, by hand and from the default description's heights.
+    let by_hand = of(&["--layers", "0.6:1,0.4:0.75"])["arrays"][0].clone();
+    assert_eq!(by_hand["beta"], Value::Null);
+    assert_eq!(by_hand["layers"][1], serde_json::json!({"weight": 0.4, "beta": 0.75}));
+    place.write("default.toml", DEFAULT_TOML);
+    assert_eq!(of(&["--config", "default.toml"])["arrays"][0], by_hand);
+    // Several betas and orders make several arrays.
+    let many = place.json(&["theory", "--n", "4,5", "--beta", "1,0.5", "--max-order", "3,4"]);
+    let shapes = many["arrays"].as_array().unwrap().iter().map(|array| {
+        let orders = array["orders"].as_array().unwrap().len();
+        (array["n"].as_u64().unwrap(), array["beta"].as_f64().unwrap(), orders)
+    });
+    let expected = [(4, 1.0, 2), (4, 0.5, 2), (5, 1.0, 3), (5, 0.5, 3)];
+    assert_eq!(shapes.collect::<Vec<_>>(), expected);
+    // A pupil of its own, and a rule in its place; few subapertures take fewer orders.
+    let rows = "[telescope]\nsubapertures = 4\npupil = [\".##.\", \"####\", \"####\", \".##.\"]\n";
+    place.write("rows.toml", rows);
+    let drawn = place.json(&["theory", "--config", "rows.toml", "--beta", "0.8"]);
+    let circle = place.json(&["theory", "--n", "4", "--beta", "0.8"]);
+    assert_eq!(drawn, circle);
+    let inside = of(&["--pupil", "inside"])["arrays"][0]["orders"].clone();
+    assert_eq!(inside, serde_json::json!([2, 3, 4, 5, 6]));
+    let obstructed = ["--obstruction", "0.3", "--max-order", "5"];
+    let annulus = of(&[&["--pupil", "annulus"], &obstructed[..]].concat());
+    assert_ne!(annulus, of(&["--max-order", "5"]));
+    place.write("annulus.toml", "[telescope]\npupil = \"annulus\"\n");
+    let read = ["--config", "annulus.toml", "--beta", "0.75"];
+    assert_eq!(of(&[&read, &obstructed[..]].concat()), annulus);
+    // Reconstructors by name.
+    let nominal = of(&["--reconstructor", "nominal"])["arrays"][0].clone();
+    let mixed = of(&["--reconstructor", "mixed"])["arrays"][0].clone();
+    assert_eq!(nominal["splash_lever"], mixed["splash_lever"]);
+    assert_ne!(nominal["splash"], mixed["splash"]);
+    // The same whatever the number of threads.
+    let on = |threads: &str| place.json_on(threads, &["theory", "--out", threads]);
+    assert_eq!(on("1"), on("2"));
+}
+
+#[test]
+fn a_theory_that_cannot_be_is_refused() {
+    let place = Place::new();
+    let refused = |arguments: &[&str], words: &[&str]| {
+        place.refused(&[&["theory"], arguments].concat(), words);
+    };
+    for n in ["3", "41", "-1"] {
+        refused(&["--n", n], &["--n", n, "4..=40"]);
+    }
+    for beta in ["0", "0.09", "1.01", "-1", "NaN"] {
+        refused(&["--beta", beta], &["--beta", beta, "from 0.1 to 1"]);
+    }
+    refused(&["--beta", "high"], &["--beta", "high", "a number"]);
+    refused(&["--layers", "0.4"], &["--layers", "0.4", "WEIGHT:BETA"]);
+    refused(&["--layers", "0.4:2"], &["--layers", "0.4:2", "from 0.1 to 1"]);
+    refused(&["--layers=-1:1"], &["--layers", "-1:1", "weight must be from 0"]);
+    refused(&["--layers", "0:1"], &["--layers", "= 0", "above 0"]);
+    refused(&["--layers", "1:1", "--beta", "1"], &["--layers", "--beta"]);
+    for order in ["1", "41"] {
+        refused(&["--max-order", order], &["--max-order", order, "2..=40"]);
+    }
+    refused(&["--n", "8", "--max-order", "9"], &["--max-order = 9", "at most 8", "52", "N = 8"]);
+    refused(&["--max-order", "3,4,5"], &["--max-order = 3,4,5", "each of 2"]);
+    refused(&["--pupil", "oval"], &["--pupil", "oval", "circle, annulus"]);
+    refused(&["--pupil", "annulus", "--obstruction", "1"], &["obstruction", "1", "0.99"]);
+    refused(&["--reconstructor", "best"], &["--reconstructor", "best", "mixed, matched, nominal"]);
+    place.write("high.toml", "[laser]\nbeacon_height_m = 3100.0\n");
+    let words = ["atmosphere.layers[1].height_m = 3000", "below 2790", "0.9"];
+    refused(&["--config", "high.toml"], &words);
+    let rows = "[telescope]\nsubapertures = 4\npupil = [\"....\", \".#..\", \"....\", \"....\"]\n";
+    place.write("one.toml", rows);
+    refused(&["--config", "one.toml"], &["telescope.pupil = 1", "radial order 2"]);
+    place.write("file", "");
+    refused(&["--out", "file/directory"], &["--out file/directory"]);
 }

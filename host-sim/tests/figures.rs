@@ -6,7 +6,8 @@ use std::path::Path;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use host_sim::figures::{
-    FigureError, WindowMark, detector_frame, phase_map, psf, segment_map, strehl_series,
+    Curve, FigureError, Panel, WindowMark, detector_frame, panels, phase_map, psf, segment_map,
+    strehl_series,
 };
 use tempfile::TempDir;
 
@@ -185,4 +186,53 @@ fn wrong_sizes_and_places_are_errors() {
     assert!(!path.exists());
     let error = psf(directory.path().join("no/x.svg"), &[0.0; 4], 2, 1.0, "").unwrap_err();
     assert!(error.to_string().contains("no/x.svg: "), "{error}");
+}
+
+/// Points are where the axes say, solid and broken, in panels beside and below one another.
+#[test]
+fn panels_stand_in_rows_of_three() {
+    let directory = TempDir::new().unwrap();
+    let path = directory.path().join("panels.svg");
+    let y = [0.0, 0.5, 2.0];
+    let curve = |name, broken| Curve { name, colour: "#000000", broken, y: &y };
+    let panel = |title: &str| Panel {
+        title: title.into(),
+        x: vec![2.0, 3.0, 4.0],
+        curves: vec![curve("one", false), curve("other", true)],
+    };
+    let titles = ["a", "b", "c", "d"];
+    panels(&path, "order", "fraction", &titles.map(panel)).unwrap();
+    let (text, _) = open(&path);
+    let document = roxmltree::Document::parse(&text).unwrap();
+    let number = |node: roxmltree::Node, name: &str| -> f64 {
+        node.attribute(name).unwrap().parse().unwrap()
+    };
+    let place = |title: &str| {
+        let label = document.descendants().find(|node| {
+            node.tag_name().name() == "text" && node.text().is_some_and(|text| text.trim() == title)
+        });
+        label.map(|label| [number(label, "x"), number(label, "y")]).unwrap()
+    };
+    let [a, b, c, d] = titles.map(place);
+    assert!(a[1] == b[1] && b[1] == c[1] && b[0] - a[0] == c[0] - b[0] && b[0] > a[0]);
+    assert!(d[0] == a[0] && d[1] > a[1]);
+    let curves: Vec<_> =
+        document.descendants().filter(|node| node.tag_name().name() == "path").collect();
+    let broken = curves.iter().filter(|node| node.attribute("stroke-dasharray") != Some("none"));
+    assert_eq!((curves.len(), broken.count()), (8, 4));
+    // y = 2 is as far above 0.5 as 0.5 above 0, times three; x advances evenly.
+    let marks: Vec<_> = document
+        .descendants()
+        .filter(|node| node.tag_name().name() == "circle")
+        .map(|node| [number(node, "cx"), number(node, "cy")])
+        .take(3)
+        .collect();
+    assert!((marks[2][0] - marks[1][0] - (marks[1][0] - marks[0][0])).abs() < 0.03);
+    assert!((marks[1][1] - marks[2][1] - 3.0 * (marks[0][1] - marks[1][1])).abs() < 0.05);
+
+    let short = Panel { x: vec![2.0], ..panel("short") };
+    let error = panels(&path, "order", "fraction", &[short]).unwrap_err();
+    assert!(matches!(error, FigureError::Size { expected: 1, found: 3, .. }));
+    panels(&path, "order", "fraction", &[]).unwrap();
+    open(&path);
 }

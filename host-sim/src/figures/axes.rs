@@ -58,17 +58,33 @@ pub(super) enum Symbol {
 impl Axes {
     /// Lays out a figure; data are drawn next, [`Axes::frame`] last, over them.
     pub(super) fn new(layout: &Layout, colour_bar: bool) -> Self {
+        let [width, height] = Self::outer_size(layout.size, colour_bar);
+        Self::on(Canvas::new(width, height), [0.0, 0.0], layout, colour_bar)
+    }
+
+    /// Lays out one panel of a figure, its top left corner at `corner` of the canvas.
+    pub(super) fn on(
+        mut canvas: Canvas,
+        corner: [f64; 2],
+        layout: &Layout,
+        colour_bar: bool,
+    ) -> Self {
         let [width, height] = layout.size;
-        let area = Area { left: LEFT_MARGIN, top: TOP_MARGIN, width, height };
-        let right_margin = if colour_bar { COLOUR_BAR_MARGIN } else { RIGHT_MARGIN };
-        let whole = [LEFT_MARGIN + width + right_margin, TOP_MARGIN + height + BOTTOM_MARGIN];
-        let mut canvas = Canvas::new(whole[0], whole[1]);
-        canvas.text([area.left, 24.0], Anchor::Start, layout.title);
-        let middle = [area.left + width / 2.0, area.top + height / 2.0];
-        canvas.text([middle[0], whole[1] - 14.0], Anchor::Middle, layout.x_label);
-        canvas.text_upwards([20.0, middle[1]], layout.y_label);
-        let legend_end = area.left + width;
+        let (left, top) = (corner[0] + LEFT_MARGIN, corner[1] + TOP_MARGIN);
+        let area = Area { left, top, width, height };
+        let bottom = corner[1] + Self::outer_size(layout.size, colour_bar)[1];
+        canvas.text([left, corner[1] + 24.0], Anchor::Start, layout.title);
+        let middle = [left + width / 2.0, top + height / 2.0];
+        canvas.text([middle[0], bottom - 14.0], Anchor::Middle, layout.x_label);
+        canvas.text_upwards([corner[0] + 20.0, middle[1]], layout.y_label);
+        let legend_end = left + width;
         Self { canvas, area, x: layout.x, y: layout.y, legend_end }
+    }
+
+    /// Width and height with everything around the plotting area, px.
+    pub(super) fn outer_size([width, height]: [f64; 2], colour_bar: bool) -> [f64; 2] {
+        let right_margin = if colour_bar { COLOUR_BAR_MARGIN } else { RIGHT_MARGIN };
+        [LEFT_MARGIN + width + right_margin, TOP_MARGIN + height + BOTTOM_MARGIN]
     }
 
     /// Where a point lies on the canvas.
