@@ -232,10 +232,13 @@ pub(crate) fn floored_moments<const N: usize>(
     cut: Cut,
 ) -> RowSums {
     #[cfg(target_arch = "riscv32")]
-    if let Some(rows) = crate::dsp::Rows::<N>::new(raw, stride, floor)
-        && crate::dsp::rv32::takes(&rows, cut)
-    {
-        return crate::dsp::rv32::sums(rows, cut);
+    if let Some(rows) = crate::dsp::Rows::<N>::new(raw, stride, floor) {
+        if crate::dsp::rv32::takes(&rows, cut) {
+            return crate::dsp::rv32::sums(rows, cut);
+        }
+        if crate::dsp::rv32_wide::takes(&rows) {
+            return crate::dsp::rv32_wide::sums(rows, cut);
+        }
     }
     #[cfg(armv7em)]
     if let Some(rows) = crate::dsp::Rows::<N>::new(raw, stride, floor) {

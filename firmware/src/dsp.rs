@@ -8,12 +8,16 @@
 //! | `sse2` | x86-64 | 8 |
 //! | `armv7em` | Cortex-M7 and its like, instructions on pairs of 16 bits | 2 |
 //! | `rv32` | RISC-V of 32 bits, ordinary instructions, 12 bits | 2 |
+//! | `rv32_wide` | the same, up to 16 bits | 1 |
 
 #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
 pub(crate) mod sse2;
 
 #[cfg(any(target_arch = "riscv32", test))]
 pub(crate) mod rv32;
+
+#[cfg(any(target_arch = "riscv32", test))]
+pub(crate) mod rv32_wide;
 
 #[cfg(any(armv7em, test))]
 pub(crate) mod armv7em;
@@ -125,11 +129,10 @@ mod tests {
     /// Room between one row of a block and the next, pixels.
     const GAP: usize = 6;
 
-    /// Kernels of several rows, 1 to as many as a square window has, against their portable twins.
-    pub(super) fn agree<const N: usize>(
+    /// Blocks of rows, 1 to as many as a square window has: their words, stride, pixels and floors.
+    fn blocks<const N: usize>(
         top: u16,
-        sums: fn(Rows<'_, N>, Cut) -> RowSums,
-        note: fn(Rows<'_, N>, Cut, &mut Seen),
+        mut check: impl FnMut(Rows<'_, N>, usize, &[u16], &[u16], Cut),
     ) {
         let (size, stride) = (2 * N, 2 * N + GAP);
         // Words, so that they start at a word's address.
@@ -144,26 +147,43 @@ mod tests {
             floor.extend(pairs(floors));
             if floor.len() == longest * N {
                 let (raw_halves, floor_halves) = (halves(&raw), halves(&floor));
-                let context = || format!("{raw_halves:?} {floor_halves:?} {cut:?}");
                 let rows = Rows::<N>::new(raw_halves, stride, floor_halves).expect("words");
-                let expected =
-                    portable_floored_moments(raw_halves, stride, floor_halves, size, cut);
-                assert_eq!(sums(rows, cut), expected, "{}", context());
-                let (mut noted, mut expected) = (Seen::NOTHING, Seen::NOTHING);
-                // Twice: rows add to what was seen before.
-                for _ in 0..2 {
-                    note(rows, cut, &mut noted);
-                    for (raw, floor) in raw_halves.chunks(stride).zip(floor_halves.chunks(size)) {
-                        expected.note(signals(&raw[..size], floor, cut), &raw[..size], cut);
-                    }
-                    assert_eq!(noted.all(), expected.all(), "{}", context());
-                }
+                check(rows, stride, raw_halves, floor_halves, cut);
                 raw.clear();
                 floor.clear();
                 longest = longest % size + 1;
             } else {
                 // White, so that whatever looks between the rows is seen to.
                 raw.extend([u32::MAX; GAP / 2]);
+            }
+        });
+    }
+
+    /// A kernel's sums of several rows against its portable twin's.
+    pub(super) fn agree_on_sums<const N: usize>(top: u16, sums: fn(Rows<'_, N>, Cut) -> RowSums) {
+        blocks::<N>(top, |rows, stride, raw, floor, cut| {
+            let expected = portable_floored_moments(raw, stride, floor, 2 * N, cut);
+            assert_eq!(sums(rows, cut), expected, "{raw:?} {floor:?} {cut:?}");
+        });
+    }
+
+    /// Kernels of several rows against their portable twins.
+    pub(super) fn agree<const N: usize>(
+        top: u16,
+        sums: fn(Rows<'_, N>, Cut) -> RowSums,
+        note: fn(Rows<'_, N>, Cut, &mut Seen),
+    ) {
+        agree_on_sums(top, sums);
+        blocks::<N>(top, |rows, stride, raw, floor, cut| {
+            let (mut noted, mut expected) = (Seen::NOTHING, Seen::NOTHING);
+            // Twice: rows add to what was seen before.
+            for _ in 0..2 {
+                note(rows, cut, &mut noted);
+                for (raw, floor) in raw.chunks(stride).zip(floor.chunks(2 * N)) {
+                    let raw = &raw[..2 * N];
+                    expected.note(signals(raw, floor, cut), raw, cut);
+                }
+                assert_eq!(noted.all(), expected.all(), "{raw:?} {floor:?} {cut:?}");
             }
         });
     }

@@ -228,7 +228,7 @@ mod row {
                 run!(rows!("0x00200020", words!(""), words!(""), words!(""), words!("")));
             }
             (_, true) => {
-                run!(rows!("0x00200020", words!(true), words!(true), words!(true), words!(true)))
+                run!(rows!("0x00200020", words!(true), words!(true), words!(true), words!(true)));
             }
         }
         RowSums { sum, x: x as i32, running }
