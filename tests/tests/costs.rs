@@ -44,12 +44,7 @@ fn costs(name: &str, program: PathBuf) -> Result<Costs, BoardError> {
         let [n, window, bits, sweeps] = instrument;
         let profile = profile(name, instrument)?;
         let (least, most) = profile.range();
-        if bits == 12 || n == 8 {
-            assert_eq!(least, most, "{name}, N = {n}, {bits} bits: the content shows in the time");
-        } else {
-            // Three cycles on the soft core, in one window's 16 bits: where is not known yet.
-            assert!(most - least <= 3, "{name}, N = {n}, {bits} bits: {least} to {most}");
-        }
+        assert_eq!(least, most, "{name}, N = {n}, {bits} bits: the content shows in the time");
         let stages = profile.stages().into_iter().chain([("frame", most)]);
         for (stage, count) in stages {
             let key = format!("{name},N={n} W={window} {bits} bits {sweeps} sweeps,{stage}");
