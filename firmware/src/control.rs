@@ -14,8 +14,8 @@
 //! subaperture takes the mean x of its valid neighbours or, without one, holds: it never
 //! integrates on its own.
 //!
-//! The slopes come one by one as windows end ([`Taking::take`]); what needs all of them is left for
-//! [`Control::update`].
+//! The slopes come one by one as windows end (`Taking::take`); what needs all of them is left for
+//! `Control::update`.
 //!
 //! **Scaling and overflow.** Slopes and commands are i32 ulp within +-2^23, what the mirror showed less
 //! a global tilt within +-2^24, so |x| <= 3 x 2^23, and twice that at most after a mean is off. x is kept

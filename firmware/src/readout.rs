@@ -34,14 +34,6 @@ struct Tracking {
     watched: u8,
 }
 
-/// What the weighted estimator keeps of a window.
-#[derive(Clone, Copy, Debug)]
-struct Weighted {
-    moments: WeightedMoments,
-    /// Centre of the weight, eighths of a pixel, within +-128.
-    centre: [i16; 2],
-}
-
 impl Window {
     const NEW: Self = Self { moments: Moments::ZERO, seen: Seen::NOTHING };
 
@@ -91,10 +83,6 @@ impl Tracking {
     }
 }
 
-impl Weighted {
-    const NEW: Self = Self { moments: WeightedMoments::ZERO, centre: [0; 2] };
-}
-
 /// The smaller of two, without a branch.
 #[inline(always)]
 fn least(a: usize, b: usize) -> usize {
@@ -141,8 +129,10 @@ pub(crate) struct Readout<const M: usize, const B: usize> {
     windows: [Window; M],
     /// In readout order: what the last complete frame left, and what this one will.
     tracking: [[Tracking; M]; 2],
-    /// In readout order.
-    weighted: [Weighted; M],
+    /// In readout order, of the weighted estimator: moments, and centres of the weights in eighths of a
+    /// pixel, within +-128.
+    weighted: [WeightedMoments; M],
+    centres: [[i16; 2]; M],
     /// In subaperture order: those of the last complete frame and those being measured.
     measurements: [[Measurement; M]; 2],
     /// Which of `measurements` and `tracking` is complete.
@@ -160,7 +150,8 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             active: [0; 2],
             windows: [Window::NEW; M],
             tracking: [[Tracking::NEW; M]; 2],
-            weighted: [Weighted::NEW; M],
+            weighted: [WeightedMoments::ZERO; M],
+            centres: [[0; 2]; M],
             measurements: [[BLANK; M]; 2],
             complete: 0,
             buffer: [0; B],
@@ -179,7 +170,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         let watched = centroid::first_watched(window, 0);
         self.windows.fill(Window::NEW);
         self.tracking.as_flattened_mut().fill(Tracking { watched, ..Tracking::NEW });
-        self.weighted.fill(Weighted::NEW);
+        self.centres.fill([0; 2]);
         self.measurements.as_flattened_mut().fill(Measurement::default());
     }
 
@@ -386,21 +377,22 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                 }
             }
             EstimatorConfig::Weighted { .. } => {
-                let weighted = self.weighted.get_mut(first..next).unwrap_or_default();
-                for ((window, tracking, y, row, raw), weighted) in lines.zip(weighted) {
+                let weighted = self.weighted.get_mut(first..next).unwrap_or_default().iter_mut();
+                let weighted = weighted.zip(self.centres.get(first..next).unwrap_or_default());
+                for ((window, tracking, y, row, raw), (moments, centre)) in lines.zip(weighted) {
                     let mut buffer = [0u16; MAX_WINDOW];
                     let Some(signal) = buffer.get_mut(..size) else { continue };
                     let cut = bank.cut(tracking.excess);
                     let seen = tracking.watches(y).then_some(&mut window.seen);
                     pixels::signal(raw, row, cut, seen, signal);
-                    let [cx, cy] = weighted.centre.map(i32::from);
+                    let [cx, cy] = centre.map(i32::from);
                     let weights = config.template.row(size, cx);
                     let weight = config.template.weight(size, cy, y);
                     if y == 0 {
-                        weighted.moments = WeightedMoments::ZERO;
+                        *moments = WeightedMoments::ZERO;
                     }
                     let sums = centroid::weighted_row_moments(signal, weights, weight);
-                    weighted.moments.add_row(size, y, sums);
+                    moments.add_row(size, y, sums);
                 }
             }
             EstimatorConfig::Brightest { n, bits } => {
@@ -493,10 +485,12 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         let tracking = done.get(start..end).unwrap_or_default().iter();
         let tracking = tracking.zip(new.get_mut(start..end).unwrap_or_default());
         let windows = self.windows.get(start..end).unwrap_or_default().iter();
-        let windows = windows.zip(self.weighted.get(start..end).unwrap_or_default());
+        let weighted = self.weighted.get(start..end).unwrap_or_default().iter();
+        let weighted = weighted.zip(self.centres.get(start..end).unwrap_or_default());
+        let windows = windows.zip(weighted);
         let slots = config.slots.get(start..end).unwrap_or_default();
         let shared = Shared { short_sums: false, ..Shared::new(config) };
-        for ((slot, (window, weighted)), (tracking, next)) in
+        for ((slot, (window, (weighted, centre))), (tracking, next)) in
             slots.iter().zip(windows).zip(tracking)
         {
             let subaperture = usize::from(slot.subaperture);
@@ -505,10 +499,10 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             else {
                 continue;
             };
-            let (moments, flux) = (weighted.moments.narrow(), weighted.moments.flux());
+            let (moments, flux) = (weighted.narrow(), weighted.flux());
             let mut measurement = window.measurement(&moments, flux, tracking, &shared);
-            let axes = measurement.centroid_q16.iter_mut().zip(weighted.centre);
-            axes.for_each(|(c, centre)| *c = centroid::unweighted(centre.into(), *c, gain));
+            let axes = measurement.centroid_q16.iter_mut().zip(centre);
+            axes.for_each(|(c, &centre)| *c = centroid::unweighted(centre.into(), *c, gain));
             *next = tracking.next(&measurement, base, &shared);
             *place = measurement;
             sink.take(subaperture, &measurement);
@@ -554,12 +548,12 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             return;
         }
         let measured = self.measurements.get(self.complete).map_or(&[][..], |frame| frame);
-        for (slot, weighted) in config.slots.iter().zip(&mut self.weighted) {
+        for (slot, centre) in config.slots.iter().zip(&mut self.centres) {
             let Some(measurement) = measured.get(usize::from(slot.subaperture)) else {
                 continue;
             };
             if measurement.flux > 0 {
-                weighted.centre = measurement
+                *centre = measurement
                     .centroid_q16
                     .map(|centroid| Template::centre(config.window, centroid) as i16);
             }

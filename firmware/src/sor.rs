@@ -99,9 +99,9 @@ impl Coupling {
 
     /// r = b + sum of the neighbours - degree p.
     #[inline(always)]
-    fn residual(self, p: i32, rhs: i32, [w, e, n, s]: [i32; 4]) -> i32 {
-        let around = w.wrapping_add(e).wrapping_add(n.wrapping_add(s));
-        rhs.wrapping_add(around).wrapping_sub(p.wrapping_mul(self.degree()))
+    fn residual(self, own: Unknown, [w, e, n, s]: [Unknown; 4]) -> i32 {
+        let around = w.piston.wrapping_add(e.piston).wrapping_add(n.piston.wrapping_add(s.piston));
+        own.rhs.wrapping_add(around).wrapping_sub(own.piston.wrapping_mul(self.degree()))
     }
 }
 
@@ -126,19 +126,17 @@ impl<const M: usize> SorConfig<M> {
     };
 }
 
-/// What a node's relaxation takes from outside: its coupling, copied so that one read brings both, and
-/// its right-hand side.
+/// A node's piston and its right-hand side, ulp: one read brings both.
 #[derive(Clone, Copy, Debug, Default)]
-struct Term {
-    coupling: Coupling,
+struct Unknown {
+    piston: i32,
     rhs: i32,
 }
 
 /// Pistons and right-hand side of the relaxation.
 #[derive(Debug)]
 pub struct Sor<const M: usize> {
-    piston: RedBlack<i32, M>,
-    terms: RedBlack<Term, M>,
+    unknowns: RedBlack<Unknown, M>,
     /// Sum, then mean, of the pistons of each component, ulp.
     means: [i64; M],
 }
@@ -152,8 +150,7 @@ impl<const M: usize> Default for Sor<M> {
 impl<const M: usize> Sor<M> {
     /// Zero pistons.
     pub const fn new() -> Self {
-        let nothing = Term { coupling: Coupling::NONE, rhs: 0 };
-        Self { piston: RedBlack::new(0), terms: RedBlack::new(nothing), means: [0; M] }
+        Self { unknowns: RedBlack::new(Unknown { piston: 0, rhs: 0 }), means: [0; M] }
     }
 
     /// The right-hand side from tips and tilts, ulp, which are zero outside the mask.
@@ -162,13 +159,13 @@ impl<const M: usize> Sor<M> {
         for colour in COLOURS {
             let own = tilts.nodes(grid, colour).iter().zip(tilts.sides(grid, colour).iter());
             let couplings = config.couplings.nodes(grid, colour);
-            let terms = self.terms.nodes_mut(grid, colour).iter_mut();
-            for ((term, &coupling), (&[x, y], [[xw, _], [xe, _], [_, yn], [_, ys]])) in
-                terms.zip(couplings).zip(own)
+            let unknowns = self.unknowns.nodes_mut(grid, colour).iter_mut();
+            for ((unknown, &coupling), (&[x, y], [[xw, _], [xe, _], [_, yn], [_, ys]])) in
+                unknowns.zip(couplings).zip(own)
             {
                 let across = xw.wrapping_sub(xe).wrapping_add(x.wrapping_mul(coupling.dx()));
                 let down = yn.wrapping_sub(ys).wrapping_add(y.wrapping_mul(coupling.dy()));
-                *term = Term { coupling, rhs: across.wrapping_add(down) };
+                unknown.rhs = across.wrapping_add(down);
             }
         }
     }
@@ -177,23 +174,23 @@ impl<const M: usize> Sor<M> {
     pub fn relax(&mut self, config: &SorConfig<M>, sweeps: u16) {
         for _ in 0..sweeps {
             for colour in COLOURS {
-                self.relax_colour(&config.grid, colour);
+                self.relax_colour(config, colour);
             }
         }
     }
 
     /// Not inlined: it needs all registers.
     #[inline(never)]
-    fn relax_colour(&mut self, grid: &Grid, colour: usize) {
-        let (own, sides) = self.piston.nodes_and_sides(grid, colour);
-        let terms = self.terms.nodes(grid, colour);
-        for ((p, &Term { coupling, rhs }), sides) in own.iter_mut().zip(terms).zip(sides.iter()) {
+    fn relax_colour(&mut self, config: &SorConfig<M>, colour: usize) {
+        let (own, sides) = self.unknowns.nodes_and_sides(&config.grid, colour);
+        let couplings = config.couplings.nodes(&config.grid, colour);
+        for ((unknown, &coupling), sides) in own.iter_mut().zip(couplings).zip(sides.iter()) {
             if !coupling.present() {
                 continue;
             }
-            let r = coupling.residual(*p, rhs, sides);
-            let next = p.wrapping_add(fixed::mul_q30(coupling.0, r));
-            *p = fixed::clamp(next, PISTON_LIMIT);
+            let r = coupling.residual(*unknown, sides);
+            let next = unknown.piston.wrapping_add(fixed::mul_q30(coupling.0, r));
+            unknown.piston = fixed::clamp(next, PISTON_LIMIT);
         }
     }
 
@@ -205,11 +202,12 @@ impl<const M: usize> Sor<M> {
         let grid = &config.grid;
         let mut total = 0u64;
         for colour in COLOURS {
-            let nodes = self.piston.nodes(grid, colour).iter().zip(self.terms.nodes(grid, colour));
-            let sides = self.piston.sides(grid, colour);
-            for ((&p, &Term { coupling, rhs }), sides) in nodes.zip(sides.iter()) {
+            let couplings = config.couplings.nodes(grid, colour);
+            let nodes = self.unknowns.nodes(grid, colour).iter().zip(couplings);
+            let sides = self.unknowns.sides(grid, colour);
+            for ((&unknown, coupling), sides) in nodes.zip(sides.iter()) {
                 if coupling.present() {
-                    let r = coupling.residual(p, rhs, sides) >> 3;
+                    let r = coupling.residual(unknown, sides) >> 3;
                     total = total.wrapping_add(i64::from(r).wrapping_mul(i64::from(r)) as u64);
                 }
             }
@@ -238,8 +236,8 @@ impl<const M: usize> Sor<M> {
         {
             for colour in COLOURS {
                 // Where there is no node the piston is zero.
-                for &p in self.piston.nodes(&config.grid, colour) {
-                    *sum = sum.wrapping_add(i64::from(p));
+                for unknown in self.unknowns.nodes(&config.grid, colour) {
+                    *sum = sum.wrapping_add(i64::from(unknown.piston));
                 }
             }
         } else {
@@ -260,20 +258,20 @@ impl<const M: usize> Sor<M> {
     #[inline(always)]
     pub(crate) fn centred_piston(&mut self, node: Node) -> i32 {
         let mean = self.means.get(usize::from(node.component)).copied().unwrap_or(0) as i32;
-        let Some(p) = self.piston.get_mut(node.place) else { return 0 };
+        let Some(Unknown { piston, .. }) = self.unknowns.get_mut(node.place) else { return 0 };
         // |p| and |mean| are within 2^25; a pathological component may need the limit.
-        *p = fixed::clamp(p.wrapping_sub(mean), PISTON_LIMIT);
-        *p
+        *piston = fixed::clamp(piston.wrapping_sub(mean), PISTON_LIMIT);
+        *piston
     }
 
     /// The piston of a subaperture, ulp.
     #[inline(always)]
     pub fn piston(&self, node: Node) -> i32 {
-        self.piston.get(node.place).copied().unwrap_or(0)
+        self.unknowns.get(node.place).map_or(0, |unknown| unknown.piston)
     }
 
     /// Forgets the pistons: the next frame starts cold.
     pub fn reset(&mut self) {
-        self.piston.fill(0);
+        self.unknowns.fill(Unknown::default());
     }
 }
