@@ -163,6 +163,9 @@ impl<const M: usize> Sor<M> {
             for ((unknown, &coupling), (&[x, y], [[xw, _], [xe, _], [_, yn], [_, ys]])) in
                 unknowns.zip(couplings).zip(own)
             {
+                if !coupling.present() {
+                    continue;
+                }
                 let across = xw.wrapping_sub(xe).wrapping_add(x.wrapping_mul(coupling.dx()));
                 let down = yn.wrapping_sub(ys).wrapping_add(y.wrapping_mul(coupling.dy()));
                 unknown.rhs = across.wrapping_add(down);

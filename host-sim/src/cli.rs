@@ -168,7 +168,7 @@ pub struct ProfileArgs {
     /// Centroid estimator [default: the description's, thresholded]
     #[arg(long, value_enum)]
     pub(crate) estimator: Option<EstimatorName>,
-    /// Clock of the board, MHz, for times [default: 480 for QEMU's Cortex-M7, 50 for Ibex]
+    /// Clock of the board, MHz, for times [default: 480 for QEMU's Cortex-M7, 37.3 for Ibex]
     #[arg(long, value_name = "MHZ", allow_negative_numbers = true)]
     pub(crate) clock_mhz: Option<f64>,
     /// Seed of the frames

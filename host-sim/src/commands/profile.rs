@@ -146,13 +146,13 @@ fn unit(board: BoardName) -> &'static str {
     }
 }
 
-/// The clock that turns a count into a time: that of the STM32H743, that of the soft core in an
-/// ECP5, and nanoseconds.
+/// The clock that turns a count into a time, MHz: that of the STM32H743, what the soft core reached in an
+/// ECP5-85F of speed grade 6 (`firmware/boards/ibex/synth/run`), and nanoseconds.
 fn clock_mhz(board: BoardName) -> f64 {
     match board {
         BoardName::Host => 1000.0,
         BoardName::Qemu => 480.0,
-        BoardName::Ibex => 50.0,
+        BoardName::Ibex => 37.3,
     }
 }
 
