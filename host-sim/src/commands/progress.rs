@@ -5,6 +5,7 @@ use crate::calibration::SlopeCalibration;
 use crate::closed_loop::{ClosedLoop, Run};
 use crate::error::Error;
 use crate::instrument::Instrument;
+use crate::optics::geometric::Sensor;
 use crate::reconstructor::Reconstructor;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -26,10 +27,13 @@ fn fraction(what: &'static str) -> (ProgressBar, impl FnMut(f64)) {
     (progress, move |done: f64| moved.set_position((100.0 * done) as u64))
 }
 
-/// Measures the slope calibration of an instrument behind a bar.
-pub(super) fn calibrate(instrument: &Instrument) -> Result<SlopeCalibration, Error> {
+/// Measures the slope calibration of a sensor's images behind a bar.
+pub(super) fn calibrate(
+    sensor: Sensor,
+    instrument: &Instrument,
+) -> Result<SlopeCalibration, Error> {
     let (bar, mut progress) = fraction("calibration");
-    let slopes = SlopeCalibration::measure(instrument, &mut progress)?;
+    let slopes = SlopeCalibration::of(sensor, instrument, &mut progress)?;
     bar.finish_and_clear();
     Ok(slopes)
 }
