@@ -8,6 +8,7 @@
 //! | [`subaperture_image`] | the same of a guide star, through each subaperture |
 //! | [`camera`] | one of the two, by sensor |
 //! | [`geometric`] | centroids as mean gradients, for SPLASH and for guide stars |
+//! | [`segment_fit`] | the mirror that leaves the least of the star's phase |
 //! | [`science`] | residual phase, variance and Strehl ratio of the corrected star |
 //! | [`long_exposure`] | its mean point spread function |
 
@@ -22,6 +23,7 @@ mod otf;
 pub mod phase;
 mod sampling;
 pub mod science;
+pub mod segment_fit;
 mod sincos;
 pub mod splash_image;
 pub mod subaperture_image;
