@@ -312,8 +312,11 @@ pub struct StrehlArgs {
         allow_negative_numbers = true
     )]
     pub(crate) frames: Option<u32>,
-    /// Detector without photon, dark and read noise, with 16 bits over its range
+    /// Photon, dark and read noise of the description's detector, and its bits
     #[arg(long)]
+    pub(crate) noise: bool,
+    /// Detector without noise, with 16 bits over its range, as in the paper [this is the default]
+    #[arg(long, conflicts_with = "noise")]
     pub(crate) noise_free: bool,
     /// Seed of turbulence and noise
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]

@@ -10,6 +10,9 @@ use std::sync::mpsc;
 /// A screen and what is to be run under it.
 pub type Job = (u32, Vec<Comparator>);
 
+/// What is told of a finished screen.
+pub type Listener<'a> = dyn FnMut(u32, &[(Comparator, Outcome)]) -> Result<(), Error> + 'a;
+
 /// Threads for `jobs` screens: as many as rayon would take, `RAYON_NUM_THREADS` included.
 pub fn workers(jobs: usize) -> usize {
     rayon::current_num_threads().min(jobs).max(1)
@@ -24,7 +27,7 @@ pub fn run(
     prepared: &Prepared<'_>,
     jobs: &[Job],
     workers: usize,
-    finished: &mut dyn FnMut(u32, &[(Comparator, Outcome)]) -> Result<(), Error>,
+    finished: &mut Listener<'_>,
 ) -> Result<(), Error> {
     let next = AtomicUsize::new(0);
     let (sender, receiver) = mpsc::channel();

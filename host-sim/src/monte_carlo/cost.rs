@@ -1,6 +1,6 @@
 //! What a run will take, before it starts.
 //!
-//! Times are a fit to one core of a virtual PC at 3.7 GHz with AVX-512 (see [`frame_s`]): within a factor of
+//! Times are a fit to one core of a virtual PC at 3.7 GHz with AVX-512: within a factor of
 //! two there, of the right order elsewhere. Memory is counted from the sizes of the arrays.
 
 use super::comparator::Comparator;
@@ -10,7 +10,7 @@ use crate::closed_loop::Sensing;
 use crate::error::Error;
 
 /// Drawing a screen, s per texel.
-const DRAW_S: f64 = 1.2e-7;
+const DRAW_S: f64 = 3e-8;
 /// Bytes per texel of a screen while it is drawn, of its spectrum, and once it is drawn.
 const DRAWING: u64 = 24;
 const SPECTRUM: u64 = 2;
@@ -46,7 +46,7 @@ impl Cost {
         let frames = f64::from(point.frames());
         let sensing = point.conditions().sensing;
         let (n, samples) = (point.n() as f64, pupil.side() as u64);
-        // Frames are square in samples; a fit has as many as are averaged, at most.
+        // All work is on samples.
         let scale = (pupil.samples() as f64 / 8.0).powi(2);
         let loops = comparators.iter().map(|&c| frames * scale * frame_s(c, sensing, n));
         let detector = instrument.detector_side() as u64;
@@ -69,15 +69,15 @@ impl Cost {
     }
 }
 
-/// A frame with 8 samples per subaperture, s on one core, for N = 8: SPLASH's images grow as N^3.2 (spots
-/// times pupil), its gradients as N^3 (spots times outline), all else as N^2.
+/// A frame with 8 samples per subaperture, s on one core: the time at N = 8 and the power of N with which it
+/// grows, both measured at N = 8 and 32.
 fn frame_s(comparator: Comparator, sensing: Sensing, n: f64) -> f64 {
     let (at_8, power) = match (comparator, sensing) {
-        (Comparator::Fit, _) => (2e-4, 2.0),
-        (Comparator::Splash, Sensing::Images) => (1.3e-3, 3.2),
-        (Comparator::Splash, Sensing::Geometric) => (1e-3, 3.0),
-        (_, Sensing::Images) => (4e-4, 2.0),
-        (_, Sensing::Geometric) => (3e-4, 2.0),
+        (Comparator::Fit, _) => (1.5e-4, 2.0),
+        (Comparator::Splash, Sensing::Images) => (1.6e-3, 3.2),
+        (Comparator::Splash, Sensing::Geometric) => (2.4e-4, 2.6),
+        (_, Sensing::Images) => (5.5e-4, 2.4),
+        (_, Sensing::Geometric) => (1.9e-4, 2.0),
     };
     at_8 * (n / 8.0_f64).powf(power)
 }

@@ -62,8 +62,10 @@ impl GradientLoop {
         })
     }
 
-    /// Observes the star, measures, and moves the mirror. Without an observation, `observe` off, a frame
-    /// takes less time.
+    /// Observes the star if `observe` is on, measures, and moves the mirror.
+    ///
+    /// # Panics
+    /// If the atmosphere is not like the one given to [`Self::new`], or `time_s` is outside its duration.
     pub fn step(
         &mut self,
         atmosphere: &Atmosphere,
