@@ -21,8 +21,8 @@ fn converged(toml: &str, sensor: Sensor, sensing: Sensing, seed: u64) -> f64 {
     let run = Run { sensor, sensing, frames: FRAMES, seed, noise_free: true };
     let board = board.as_mut();
     let mut closed = ClosedLoop::new(&instrument, &reconstructor, board, run, &mut |_| ()).unwrap();
-    (1..FRAMES).for_each(|_| drop(closed.step().unwrap()));
-    closed.step().unwrap().observation.strehl
+    let strehl = (0..FRAMES).map(|_| closed.step().unwrap().observation.strehl);
+    strehl.last().unwrap()
 }
 
 /// With all turbulence at the ground all sensors see the same wavefront. Laser and star then have the

@@ -1,9 +1,9 @@
 //! The segmented mirror at its best: piston, tip and tilt of each segment fitted to the star's phase.
 //!
-//! Least squares over the samples of each segment, for which e(k) = (2k + 1)/n - 1, the distance from the
-//! centre in units of centre to edge, has no mean: piston = <phi>, tip = <phi e>/<e^2>. What is left is
-//! the fitting error, which no sensor beats: for squares with d = r0, 0.175 rad^2 over the continuous
-//! wavefront, 0.170 on 8 samples across a segment.
+//! Least squares over the samples of each segment. With e(k) = (2k + 1)/n - 1, the distance from the
+//! centre in units of centre to edge, whose mean is zero, `piston = <phi>`, `tip = <phi e> / <e^2>`.
+//! What is left is the fitting error, which no sensor beats: for squares with d = r0, 0.175 rad^2 over
+//! the continuous wavefront, 0.170 on 8 samples across a segment.
 
 use super::phase::{Path, PhaseSampler};
 use crate::atmosphere::Atmosphere;
