@@ -60,7 +60,8 @@ pub fn run(args: &StrehlArgs) -> Result<(), Error> {
     results::write_csv(&directory, &tasks, &result, &comparators)?;
     let each = results::Screens { tasks: &tasks, screens: args.screens, comparators: &comparators };
     results::write_fits(&directory.join("strehl.fits"), &each, args.seed)?;
-    results::draw(&directory.join("strehl.svg"), &tasks, &result, &comparators)?;
+    let title = format!("{} screens, {}", args.screens, sky(&tasks[0].point));
+    results::draw(&directory.join("strehl.svg"), &title, &tasks, &result, &comparators)?;
     let mut table = results::table(&result, &comparators);
     table
         .push(("screens", format!("{} for each N, {}", args.screens, conditions(&tasks[0].point))));
@@ -192,15 +193,21 @@ fn in_words(seconds: f64) -> String {
     }
 }
 
-fn conditions(point: &Point) -> String {
+/// The sky and the sensing.
+fn sky(point: &Point) -> String {
     let layers = &point.instrument().atmosphere.layers;
     let still = layers.iter().all(|layer| layer.wind_speed_m_per_s == 0.0);
     let sky = if still { "frozen" } else { "moving" };
-    let Conditions { sensing, noise_free, frames, settle, seed } = point.conditions();
+    let Conditions { sensing, noise_free, .. } = point.conditions();
     let detector = match (sensing, noise_free) {
         (Sensing::Geometric, _) => "exact gradients",
         (Sensing::Images, true) => "images without noise",
         (Sensing::Images, false) => "images with noise",
     };
-    format!("{sky}, {detector}, {frames} frames after {settle} to settle, seed {seed}")
+    format!("{sky}, {detector}")
+}
+
+fn conditions(point: &Point) -> String {
+    let Conditions { frames, settle, seed, .. } = point.conditions();
+    format!("{}, {frames} frames after {settle} to settle, seed {seed}", sky(point))
 }

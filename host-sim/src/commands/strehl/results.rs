@@ -161,6 +161,7 @@ pub(super) fn write_fits(path: &Path, each: &Screens<'_>, seed: u64) -> Result<(
 /// Strehl ratio against D/r0.
 pub(super) fn draw(
     path: &Path,
+    title: &str,
     tasks: &[Task],
     result: &StrehlResult,
     comparators: &[Comparator],
@@ -182,7 +183,6 @@ pub(super) fn draw(
             Measured { name, colour, y, error }
         })
         .collect();
-    let title = "Strehl ratio";
     Ok(error_bars(path, ["D / r0", "Strehl ratio"], title, &x, &curves)?)
 }
 
