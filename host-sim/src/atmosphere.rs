@@ -190,6 +190,28 @@ impl Turbulence {
         })
     }
 
+    /// Texels of the largest screen and of all, without drawing any: drawing takes 24 bytes for each of the
+    /// largest, keeping them four bytes for each of all.
+    ///
+    /// # Errors
+    /// [`OpticsError::ScreenTooLarge`].
+    pub fn texels(
+        layers: &[Layer],
+        footprint_m: f64,
+        pitch_m: f64,
+        duration_s: f64,
+    ) -> Result<[u64; 2], OpticsError> {
+        let (mut largest, mut all) = (0, 0);
+        for (index, layer) in layers.iter().enumerate().filter(|(_, layer)| layer.weight > 0.0) {
+            let texel_m = pitch_m / TEXELS_PER_PITCH;
+            let [width, height] = plan_torus(index, layer, footprint_m, texel_m, duration_s)?;
+            let texels = (width * height) as u64;
+            largest = largest.max(texels);
+            all += texels;
+        }
+        Ok([largest, all])
+    }
+
     /// One realisation, a pure function of `seed`; `progress` is told the fraction done.
     pub fn realise(&self, seed: u64, progress: &mut dyn FnMut(f64)) -> Atmosphere {
         // A draw gives two surfaces: the second serves the next layer on a torus of that size.

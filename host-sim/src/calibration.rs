@@ -51,23 +51,35 @@ impl SlopeCalibration {
         }
     }
 
-    /// Measures it; `progress` is told the fraction done.
+    /// That of SPLASH's images: [`SlopeCalibration::of`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn measure(instrument: &Instrument, progress: &mut dyn FnMut(f64)) -> Result<Self, Error> {
+        Self::of(Sensor::Splash, instrument, progress)
+    }
+
+    /// Measures that of `sensor`'s images; `progress` is told the fraction done.
     ///
     /// # Errors
     /// [`Error::Config`] for an instrument that the optics or the firmware refuse, or whose spots
     /// do not follow their segments: too faint, or windows too small.
-    pub fn measure(instrument: &Instrument, progress: &mut dyn FnMut(f64)) -> Result<Self, Error> {
+    pub fn of(
+        sensor: Sensor,
+        instrument: &Instrument,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Self, Error> {
         let subapertures = instrument.mask()?.count();
         if subapertures == 1 {
-            // Its tilt is the global tilt: nothing moves, whatever the gain.
+            // Its tilt is the global tilt, which is not the sensor's to correct.
             return Ok(Self::ideal(instrument, 1));
         }
-        let mut slopes = Self::on_bench(instrument)?;
+        let mut slopes = Self::on_bench(sensor, instrument)?;
         let skies = SPOTS.div_ceil(subapertures);
         let (mut moved, mut square) = (0.0, 0.0);
         for sky in 0..skies {
             let seed = SKY_SEED + sky as u64;
-            let (m, s) = slopes.on_sky(instrument, seed, &mut |done| {
+            let (m, s) = slopes.on_sky(sensor, instrument, seed, &mut |done| {
                 progress((sky as f64 + done) / skies as f64);
             })?;
             moved += m;
@@ -80,10 +92,10 @@ impl SlopeCalibration {
     }
 
     /// Reference slopes and gains with a flat wavefront.
-    fn on_bench(instrument: &Instrument) -> Result<Self, Error> {
+    fn on_bench(sensor: Sensor, instrument: &Instrument) -> Result<Self, Error> {
         let sky = Atmosphere::from_screens(Vec::new(), instrument.pupil()?.diameter_m(), 0.0)?;
         let reconstructor = Reconstructor::new(instrument)?;
-        let mut bench = Bench::new(instrument, &reconstructor, &sky)?;
+        let mut bench = Bench::new(sensor, instrument, &reconstructor, &sky)?;
         let flat = Mirror::flat(bench.pupil.subapertures().len());
         let reference_px = bench.centroids(&flat)?;
         let pokes = bench.pokes();
@@ -114,6 +126,7 @@ impl SlopeCalibration {
     /// of this calibration.
     fn on_sky(
         &self,
+        sensor: Sensor,
         instrument: &Instrument,
         seed: u64,
         progress: &mut dyn FnMut(f64),
@@ -123,15 +136,14 @@ impl SlopeCalibration {
         frozen.control.delay_frames = 0;
         let reconstructor = Reconstructor::new(&frozen)?.with_slopes(self.clone());
         let mut board = in_process(&reconstructor.spec())?;
-        let (sensor, sensing) = (Sensor::Splash, Sensing::Images);
-        let run = Run { sensor, sensing, frames: SETTLE, seed, noise_free: true };
+        let run = Run { sensor, sensing: Sensing::Images, frames: SETTLE, seed, noise_free: true };
         let mut closed =
             ClosedLoop::new(&frozen, &reconstructor, board.as_mut(), run, &mut |_| ())?;
         for frame in 0..SETTLE {
             progress(f64::from(frame) / f64::from(SETTLE + 4));
             closed.step()?;
         }
-        let mut bench = Bench::new(&frozen, &reconstructor, closed.atmosphere())?;
+        let mut bench = Bench::new(sensor, &frozen, &reconstructor, closed.atmosphere())?;
         let settled = f64::from(SETTLE);
         let columns = bench.dither(closed.mirror(), &mut |done| {
             progress((settled + 4.0 * done) / (settled + 4.0));
@@ -157,6 +169,7 @@ fn path_m_per_px(instrument: &Instrument) -> f64 {
 
 /// The instrument under a sky that stands still, without noise.
 struct Bench<'a> {
+    sensor: Sensor,
     pupil: Pupil,
     sky: &'a Atmosphere,
     imager: Imager,
@@ -166,22 +179,25 @@ struct Bench<'a> {
 
 impl<'a> Bench<'a> {
     fn new(
+        sensor: Sensor,
         instrument: &Instrument,
         reconstructor: &Reconstructor,
         sky: &'a Atmosphere,
     ) -> Result<Self, Error> {
         let pupil = instrument.pupil()?;
-        let imager = Imager::new(instrument, reconstructor, &pupil, sky)?;
+        let imager = Imager::new(instrument, reconstructor, sensor, &pupil, sky)?;
         let board = in_process(&reconstructor.spec())?;
         let poke_rad = POKE_PX * path_m_per_px(instrument) * instrument.rad_per_m();
-        Ok(Self { pupil, sky, imager, board, poke_rad })
+        Ok(Self { sensor, pupil, sky, imager, board, poke_rad })
     }
 
-    /// The poke of each subaperture, pixels, without their mean, which SPLASH does not see.
+    /// The poke that each spot shows, pixels: SPLASH does not see their mean.
     fn pokes(&self) -> Vec<f64> {
         let mut pokes: Vec<f64> = self.signs().map(|sign| POKE_PX * sign).collect();
-        let mean = pokes.iter().sum::<f64>() / pokes.len() as f64;
-        pokes.iter_mut().for_each(|poke| *poke -= mean);
+        if self.sensor == Sensor::Splash {
+            let mean = pokes.iter().sum::<f64>() / pokes.len() as f64;
+            pokes.iter_mut().for_each(|poke| *poke -= mean);
+        }
         pokes
     }
 

@@ -7,6 +7,7 @@ use crate::closed_loop::Sensing;
 use crate::commands;
 use crate::error::Error;
 use crate::instrument::{EstimatorName, Instrument};
+use crate::monte_carlo::comparator::Comparator;
 use crate::optics::geometric::Sensor;
 use crate::theory::{Layer, PupilRule, Reconstruction};
 use clap::builder::RangedI64ValueParser;
@@ -40,6 +41,8 @@ enum Command {
     Profile(ProfileArgs),
     /// Computes how much of each radial order of Zernike modes a sensor leaves uncorrected.
     Theory(TheoryArgs),
+    /// Compares sensors over independent phase screens: the paper's Strehl ratios against D/r0.
+    Strehl(StrehlArgs),
     /// Prints the default instrument description (TOML) with comments.
     Config,
 }
@@ -253,6 +256,78 @@ pub struct TheoryArgs {
     pub(crate) output: OutputArgs,
 }
 
+/// `host-sim strehl`.
+///
+/// Each screen is a sky of its own; all sensors close their loop under the same ones. A frame's Strehl ratio
+/// is that over the pupil with piston, tip and tilt removed, the mean is over frames and screens, its error
+/// from the scatter of the screens. A screen that is finished is kept in the output directory and not run
+/// again: an interrupted run takes up where it was, and a longer one adds to it.
+#[derive(Clone, Debug, Args)]
+pub struct StrehlArgs {
+    /// Instrument description (TOML), laid over the default one
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Subapertures across the pupil, of the same size: 4 to 40, or to 120 with --sensing geometric
+    #[arg(
+        long,
+        value_name = "N",
+        default_value = "4,6,8,10,12,16",
+        value_delimiter = ',',
+        allow_negative_numbers = true
+    )]
+    pub(crate) n: Vec<usize>,
+    /// Independent screens for each N
+    #[arg(
+        long,
+        value_name = "SCREENS",
+        default_value_t = 30,
+        value_parser = value_parser!(u32).range(1..=10_000_000),
+        allow_negative_numbers = true
+    )]
+    pub(crate) screens: u32,
+    /// Frozen screens and a loop that has converged [this is the default]
+    #[arg(long = "static", conflicts_with = "wind")]
+    pub(crate) still: bool,
+    /// Moving screens: pitches per frame, of every layer in its direction; without a value, the
+    /// description's winds
+    #[arg(long, value_name = "PITCHES", num_args = 0..=1, allow_negative_numbers = true)]
+    pub(crate) wind: Option<Option<f64>>,
+    /// Loop gain [default: the description's, 0.5]
+    #[arg(long, value_name = "GAIN", allow_negative_numbers = true)]
+    pub(crate) gain: Option<f64>,
+    /// L, frames of delay beyond the one of any loop [default: the description's, 0]
+    #[arg(long, value_name = "FRAMES", allow_negative_numbers = true)]
+    pub(crate) delay: Option<u8>,
+    /// Images through detector and firmware, or exact gradients in a loop of double precision
+    #[arg(long, value_enum, default_value_t = Sensing::Images)]
+    pub(crate) sensing: Sensing,
+    /// What to compare; fit is the best piston, tip and tilt of each segment
+    #[arg(long, value_enum, default_value = "splash,lgs,ngs,fit", value_delimiter = ',')]
+    pub(crate) sensors: Vec<Comparator>,
+    /// Frames averaged for each screen [default: 10 if static, else 100], after 40 to settle
+    #[arg(
+        long,
+        value_name = "FRAMES",
+        value_parser = value_parser!(u32).range(1..=1_000_000),
+        allow_negative_numbers = true
+    )]
+    pub(crate) frames: Option<u32>,
+    /// Photon, dark and read noise of the description's detector, and its bits
+    #[arg(long)]
+    pub(crate) noise: bool,
+    /// Detector without noise, with 16 bits over its range, as in the paper [this is the default]
+    #[arg(long, conflicts_with = "noise")]
+    pub(crate) noise_free: bool,
+    /// Seed of turbulence and noise
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub(crate) seed: u64,
+    /// Start even if it takes more than a day
+    #[arg(long)]
+    pub(crate) long: bool,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
 /// A sensor's name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum SensorName {
@@ -386,6 +461,7 @@ impl Cli {
             Some(Command::Replay(args)) => commands::replay::run(&args),
             Some(Command::Profile(args)) => commands::profile::run(&args),
             Some(Command::Theory(args)) => commands::theory::run(&args),
+            Some(Command::Strehl(args)) => commands::strehl::run(&args),
             Some(Command::Config) => commands::config::run(),
         }
     }

@@ -18,6 +18,7 @@ use splash_firmware::centroid::Measurement;
 use splash_firmware::fixed::CENTROID_BITS;
 use splash_firmware::pipeline::Report;
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 /// How the sensor is simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -63,7 +64,7 @@ pub struct ClosedLoop<'a> {
     run: Run,
     frame_s: f64,
     pupil: Pupil,
-    atmosphere: Atmosphere,
+    atmosphere: Arc<Atmosphere>,
     eye: Eye,
     science: Science,
     device: SegmentedMirror,
@@ -88,7 +89,7 @@ impl<'a> ClosedLoop<'a> {
     /// Draws the turbulence and flattens the mirror; `progress` is told the fraction done.
     ///
     /// # Errors
-    /// [`Error::Config`] for what the optics refuse, and for images of another sensor than SPLASH.
+    /// [`Error::Config`] for what the optics refuse.
     pub fn new(
         instrument: &Instrument,
         reconstructor: &Reconstructor,
@@ -96,9 +97,6 @@ impl<'a> ClosedLoop<'a> {
         run: Run,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Self, Error> {
-        if run.sensing == Sensing::Images && run.sensor != Sensor::Splash {
-            return Err(refuse("--sensing", "images", "geometric with this --sensor"));
-        }
         if run.frames == 0 {
             return Err(refuse("--frames", 0, "at least 1"));
         }
@@ -107,22 +105,37 @@ impl<'a> ClosedLoop<'a> {
             return Err(refuse("laser.electrons_per_spot", electrons, "above 0 and at most 1e9"));
         }
         let pupil = instrument.pupil()?;
-        let frame_s = instrument.frame_s();
         let turbulence = Turbulence::new(
             instrument.atmosphere.r0_m,
             &instrument.layers(),
             pupil.diameter_m(),
             pupil.pitch_m(),
-            f64::from(run.frames) * frame_s,
+            f64::from(run.frames) * instrument.frame_s(),
         )?;
-        let atmosphere = turbulence.realise(run.seed, progress);
+        let atmosphere = turbulence.realise(run.seed, progress).into();
+        Self::under(instrument, reconstructor, board, run, atmosphere)
+    }
+
+    /// Flattens the mirror under a sky that is given, and lasts for as long as the loop is stepped.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for what the optics refuse.
+    pub fn under(
+        instrument: &Instrument,
+        reconstructor: &Reconstructor,
+        board: &'a mut dyn Board,
+        run: Run,
+        atmosphere: Arc<Atmosphere>,
+    ) -> Result<Self, Error> {
+        let pupil = instrument.pupil()?;
+        let frame_s = instrument.frame_s();
         let height_m = instrument.laser.beacon_height_m;
         let scale = instrument.windows.pixels_per_lambda_d;
         let spots = pupil.subapertures().len();
         let eye = match run.sensing {
-            Sensing::Images => {
-                Eye::Images(Imager::new(instrument, reconstructor, &pupil, &atmosphere)?.into())
-            }
+            Sensing::Images => Eye::Images(
+                Imager::new(instrument, reconstructor, run.sensor, &pupil, &atmosphere)?.into(),
+            ),
             Sensing::Geometric => Eye::Gradients {
                 sensor: GeometricSensor::new(run.sensor, &pupil, &atmosphere, height_m, scale)?
                     .into(),
@@ -214,7 +227,7 @@ impl<'a> ClosedLoop<'a> {
         &self.mirror
     }
 
-    /// Exact SPLASH centroids at the time of the next step with the mirror as it is, pixels.
+    /// Exact centroids of the sensor at the time of the next step with the mirror as it is, pixels.
     ///
     /// # Errors
     /// As [`ClosedLoop::new`].

@@ -7,4 +7,5 @@ mod output;
 pub mod profile;
 mod progress;
 pub mod replay;
+pub mod strehl;
 pub mod theory;

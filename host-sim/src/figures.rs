@@ -13,12 +13,14 @@ mod axes;
 mod canvas;
 mod colour;
 mod detector_frame;
+mod error_bars;
 mod maps;
 mod panels;
 mod series;
 mod timeline;
 
 pub use detector_frame::{WindowMark, detector_frame};
+pub use error_bars::{Measured, error_bars};
 pub use maps::{phase_map, psf, segment_map};
 pub use panels::{Curve, Panel, panels};
 pub use series::strehl_series;

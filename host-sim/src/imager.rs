@@ -4,7 +4,8 @@ use crate::atmosphere::Atmosphere;
 use crate::detector::{Detector, place};
 use crate::error::Error;
 use crate::instrument::Instrument;
-use crate::optics::splash_image::SplashCamera;
+use crate::optics::camera::Camera;
+use crate::optics::geometric::Sensor;
 use crate::pupil::{Mirror, Pupil};
 use crate::reconstructor::Reconstructor;
 
@@ -19,7 +20,7 @@ pub struct Noise {
 
 /// Spots through optics onto the detector.
 pub struct Imager {
-    camera: SplashCamera,
+    camera: Camera,
     detector: Detector,
     /// First column and row of each window.
     origins: Vec<[usize; 2]>,
@@ -31,19 +32,20 @@ pub struct Imager {
 }
 
 impl Imager {
-    /// The sensor of an instrument, for atmospheres like `atmosphere`.
+    /// That of `sensor` in an instrument, for atmospheres like `atmosphere`.
     ///
     /// # Errors
     /// [`Error::Config`] for what the optics refuse.
     pub fn new(
         instrument: &Instrument,
         reconstructor: &Reconstructor,
+        sensor: Sensor,
         pupil: &Pupil,
         atmosphere: &Atmosphere,
     ) -> Result<Self, Error> {
         let (scale, window) = (instrument.windows.pixels_per_lambda_d, instrument.windows.size);
         let height_m = instrument.laser.beacon_height_m;
-        let camera = SplashCamera::new(pupil, atmosphere, height_m, scale, window)?;
+        let camera = Camera::new(sensor, pupil, atmosphere, height_m, scale, window)?;
         let detector = reconstructor.detector().clone();
         let pixels = detector.spec().width * detector.spec().height;
         Ok(Self {

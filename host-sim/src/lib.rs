@@ -14,6 +14,7 @@
 //! | [`profile`] | what a frame costs on a board |
 //! | [`closed_loop`] | all of them, frame after frame |
 //! | [`summary`] | averages, digest and faults of a run |
+//! | [`monte_carlo`] | Strehl ratios over independent screens, for all sensors |
 //! | [`theory`] | what each sensor can sense, by equations |
 //! | [`files`], [`figures`] | FITS, CSV and pictures |
 //! | [`cli`], [`commands`] | the command line |
@@ -31,6 +32,7 @@ pub mod files;
 pub mod imager;
 pub mod instrument;
 pub mod mirror;
+pub mod monte_carlo;
 pub mod optics;
 pub mod profile;
 pub mod pupil;

@@ -221,7 +221,20 @@ fn every_sensor_runs_without_images() {
         digests.push(result["digest"].clone());
     }
     assert!(digests[0] != digests[1] && digests[1] != digests[2]);
-    place.refused(&["--sensor", "lgs"], &["--sensing = images", "geometric"]);
+}
+
+#[test]
+fn guide_stars_run_with_images() {
+    let place = Place::new();
+    for sensor in ["lgs", "ngs"] {
+        let result = place.json(&[&["--sensor", sensor, "--out", sensor], &SHORT[..]].concat());
+        assert_eq!(result["sensor"], sensor);
+        assert!(result["strehl"].as_f64().unwrap() > 0.4, "{result}");
+        assert!(result["faults"].as_object().unwrap().is_empty(), "{result}");
+        assert_eq!(result["digest"], digest_of(&place.path(sensor).join("commands.fits")));
+        let mut frames = FitsReader::open(place.path(sensor).join("frames.fits")).unwrap();
+        assert_eq!(frames.image::<u16>(0).unwrap().0, [64, 64, 60]);
+    }
 }
 
 #[test]
@@ -290,6 +303,7 @@ fn help_has_defaults_and_units() {
         ("frames", &["<FILE>", "FITS", "default: 500", "4 to 40", "JSON"][..]),
         ("replay", &["<FILE>", "target/splash", "TOML", "JSON"]),
         ("config", &["TOML", "default"]),
+        ("strehl", &["4 to 40", "to 120", "default: 30", "per frame", "0.5", "JSON"]),
         ("theory", &["4 to 40", "8,12", "0.75", "0.6:1,0.4:0.75", "7, 10 and 13", "JSON"]),
     ] {
         let help = place.run(&[command, "--help"]);

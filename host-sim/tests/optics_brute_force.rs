@@ -1,6 +1,9 @@
-//! Images of SPLASH spots against a slow double-precision model that shares no code with them.
+//! Images of SPLASH spots and of guide stars against a slow double-precision model that shares no code
+//! with them.
 
 use host_sim::atmosphere::{Atmosphere, Layer};
+use host_sim::optics::camera::Camera;
+use host_sim::optics::geometric::Sensor;
 use host_sim::optics::splash_image::{PIXELS_PER_LAMBDA_D, SplashCamera};
 use host_sim::pupil::{Mirror, Pupil};
 use host_sim::screen::Screen;
@@ -51,14 +54,15 @@ fn screen_phase(screen: &Screen, at: [f64; 2], above_axis: [f64; 2]) -> f64 {
     cubic(rows, place[1] - place[1].floor()) + plane
 }
 
-/// Phase less the mirror's at sample (row, col), on the way to or from spot (ix, iy).
+/// Phase less the mirror's at sample (row, col), on the way from a beacon at `source`, m from the axis, or
+/// from a star.
 fn path_phase(
     pupil: &Pupil,
     atmosphere: &Atmosphere,
     layers: &[Layer],
     time_s: f64,
     mirror: &Mirror,
-    spot: [usize; 2],
+    source: Option<[f64; 2]>,
     [row, col]: [usize; 2],
 ) -> f64 {
     let (n, d) = (pupil.samples(), pupil.pitch_m());
@@ -67,10 +71,10 @@ fn path_phase(
     let x = [coordinate(col), coordinate(row)];
     let mut phase = 0.0;
     for (layer, screen) in layers.iter().zip(atmosphere.screens()) {
-        let b = 1.0 - layer.height_m / BEACON_M;
+        let b = source.map_or(1.0, |_| 1.0 - layer.height_m / BEACON_M);
         let angle = layer.wind_direction_deg.to_radians();
         let flown = [angle.cos(), angle.sin()].map(|c| -layer.wind_speed_m_per_s * time_s * c);
-        let at = [0, 1].map(|k| b * x[k] + (1.0 - b) * centre(spot[k]) + flown[k]);
+        let at = [0, 1].map(|k| b * x[k] + (1.0 - b) * source.unwrap_or_default()[k] + flown[k]);
         phase += screen_phase(screen, at, flown);
     }
     let segment = [col / n, row / n];
@@ -135,6 +139,12 @@ fn brute_force(up: &[Vec<Option<f64>>], down: &[Vec<Option<f64>>]) -> Vec<f64> {
             *value /= (FINE as f64).powi(4);
         }
     }
+    integrate(&image)
+}
+
+/// The light on each pixel, of an intensity on a grid of eight angles a pixel, its ends included: Boole's
+/// rule.
+fn integrate(image: &[Vec<f64>]) -> Vec<f64> {
     let boole = [7.0, 32.0, 12.0, 32.0, 14.0, 32.0, 12.0, 32.0, 7.0].map(|w| w * 2.0 / 45.0);
     let mut pixels = vec![0.0; PIXELS];
     for (k, pixel) in pixels.iter_mut().enumerate() {
@@ -148,16 +158,58 @@ fn brute_force(up: &[Vec<Option<f64>>], down: &[Vec<Option<f64>>]) -> Vec<f64> {
     pixels
 }
 
-#[test]
-fn images_equal_brute_force() {
+/// A circle of four, three layers that blow, and a mirror of any shape.
+fn scene() -> (Pupil, [Layer; 3], Atmosphere, Mirror) {
     let pupil = Pupil::circular(4, 8, 0.5).unwrap();
     let layers = [layer(0.5, 0.0, 20.0), layer(0.3, 3_000.0, 110.0), layer(0.2, 7_000.0, -60.0)];
     let atmosphere = Atmosphere::new(0.5, &layers, 2.0, 0.5, 0.5, 11).unwrap();
-    let time_s = 0.0371;
     let mut mirror = Mirror::flat(12);
     for (k, segment) in mirror.segments.iter_mut().enumerate() {
         *segment = [1, 2, 3].map(|part| (1.7 * f64::from(part) * (k as f64 + 1.0)).sin());
     }
+    (pupil, layers, atmosphere, mirror)
+}
+
+#[test]
+fn images_of_guide_stars_equal_brute_force() {
+    const FINE: usize = 128;
+    let (pupil, layers, atmosphere, mirror) = scene();
+    let time_s = 0.0371;
+    for (sensor, source) in [(Sensor::Lgs, Some([0.0; 2])), (Sensor::Ngs, None)] {
+        let mut images = vec![0.0; 12 * PIXELS];
+        let camera =
+            Camera::new(sensor, &pupil, &atmosphere, BEACON_M, PIXELS_PER_LAMBDA_D, WINDOW);
+        camera.unwrap().expose(&atmosphere, time_s, &mirror, &mut images);
+        for (image, &[ix, iy]) in images.chunks_exact(PIXELS).zip(pupil.subapertures()) {
+            let sample = |row: usize, col: usize| {
+                let at = [iy * 8 + row, ix * 8 + col];
+                Some(path_phase(&pupil, &atmosphere, &layers, time_s, &mirror, source, at))
+            };
+            let amplitude: Vec<Vec<_>> =
+                (0..8).map(|row| (0..8).map(|col| sample(row, col)).collect()).collect();
+            let spread = point_spread(&amplitude, FINE);
+            // From minus to plus half a period; a mean of one makes the light of a period one.
+            let wrap = |k: usize| (k + FINE / 2) % FINE;
+            let line = |ky: usize| -> Vec<f64> {
+                (0..=FINE).map(|kx| spread[wrap(ky)][wrap(kx)] / (FINE * FINE) as f64).collect()
+            };
+            let expected = integrate(&(0..=FINE).map(line).collect::<Vec<_>>());
+            let peak = expected.iter().copied().fold(0.0, f64::max);
+            let differ = |(a, b): (&f32, &f64)| (f64::from(*a) - b).abs() / peak;
+            let worst = image.iter().zip(&expected).map(differ).fold(0.0, f64::max);
+            println!(
+                "{sensor:?}, subaperture {ix}, {iy}: pixels {worst:.1e} of the peak {peak:.3}"
+            );
+            assert!(worst < 1e-5, "{sensor:?} {ix} {iy}: pixels differ by {worst} of the peak");
+        }
+    }
+}
+
+#[test]
+fn images_of_spots_equal_brute_force() {
+    let (pupil, layers, atmosphere, mirror) = scene();
+    let time_s = 0.0371;
+    let centre = |k: usize| (k as f64 + 0.5) * pupil.pitch_m() - pupil.diameter_m() / 2.0;
     let mut images = vec![0.0; 12 * PIXELS];
     SplashCamera::new(&pupil, &atmosphere, BEACON_M, PIXELS_PER_LAMBDA_D, WINDOW).unwrap().expose(
         &atmosphere,
@@ -171,7 +223,8 @@ fn images_equal_brute_force() {
             let sample = |row: usize, col: usize| {
                 let at = [row, col];
                 inside(col / 8, row / 8).then(|| {
-                    path_phase(&pupil, &atmosphere, &layers, time_s, &mirror, subaperture, at)
+                    let source = Some(subaperture.map(centre));
+                    path_phase(&pupil, &atmosphere, &layers, time_s, &mirror, source, at)
                 })
             };
             (0..32).map(|row| (0..32).map(|col| sample(row, col)).collect()).collect()

@@ -51,7 +51,9 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
     let instrument = args.run.instrument()?;
     let reconstructor = Reconstructor::new(&instrument)?;
     let reconstructor = match args.sensing {
-        Sensing::Images => reconstructor.with_slopes(progress::calibrate(&instrument)?),
+        Sensing::Images => {
+            reconstructor.with_slopes(progress::calibrate(args.sensor.sensor(), &instrument)?)
+        }
         Sensing::Geometric => reconstructor,
     };
     let patience = Duration::from_secs(args.patience.into());

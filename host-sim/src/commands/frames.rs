@@ -31,7 +31,7 @@ struct FramesResult {
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &FramesArgs) -> Result<(), Error> {
     let instrument = args.run.instrument()?;
-    let slopes = progress::calibrate(&instrument)?;
+    let slopes = progress::calibrate(Sensor::Splash, &instrument)?;
     let reconstructor = Reconstructor::new(&instrument)?.with_slopes(slopes);
     let mut board = in_process(&reconstructor.spec())?;
     let run = Run {

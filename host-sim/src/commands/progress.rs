@@ -5,6 +5,7 @@ use crate::calibration::SlopeCalibration;
 use crate::closed_loop::{ClosedLoop, Run};
 use crate::error::Error;
 use crate::instrument::Instrument;
+use crate::optics::geometric::Sensor;
 use crate::reconstructor::Reconstructor;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -19,17 +20,28 @@ pub(super) fn bar(length: u64, what: &'static str, unit: &str) -> ProgressBar {
     ProgressBar::new(length).with_style(style).with_message(what)
 }
 
+/// A bar over a share of a long run, 0 to 1000 per mille: with the time left.
+pub(super) fn share(what: String) -> ProgressBar {
+    let bar = bar(1000, "", "per mille");
+    bar.set_message(what);
+    bar.enable_steady_tick(std::time::Duration::from_secs(1));
+    bar
+}
+
 /// A bar from 0 to 100 %, and what moves it to a fraction.
-fn fraction(what: &'static str) -> (ProgressBar, impl FnMut(f64)) {
+pub(super) fn fraction(what: &'static str) -> (ProgressBar, impl FnMut(f64)) {
     let progress = bar(100, what, "%");
     let moved = progress.clone();
     (progress, move |done: f64| moved.set_position((100.0 * done) as u64))
 }
 
-/// Measures the slope calibration of an instrument behind a bar.
-pub(super) fn calibrate(instrument: &Instrument) -> Result<SlopeCalibration, Error> {
+/// Measures the slope calibration of a sensor's images behind a bar.
+pub(super) fn calibrate(
+    sensor: Sensor,
+    instrument: &Instrument,
+) -> Result<SlopeCalibration, Error> {
     let (bar, mut progress) = fraction("calibration");
-    let slopes = SlopeCalibration::measure(instrument, &mut progress)?;
+    let slopes = SlopeCalibration::of(sensor, instrument, &mut progress)?;
     bar.finish_and_clear();
     Ok(slopes)
 }

@@ -1,5 +1,6 @@
 //! From the transfer function's lags to the detector's pixels.
 
+use super::OpticsError;
 use super::lane_fft::LANES;
 use super::otf::Lags;
 use pulp::Simd;
@@ -33,8 +34,29 @@ pub(crate) struct FocalPlaneScratch {
 }
 
 impl FocalPlane {
-    /// A window of `window` x `window` pixels, `pixels_per_lambda_d` of them in lambda/d.
-    pub(crate) fn new(samples: usize, window: usize, pixels_per_lambda_d: f64) -> Self {
+    /// A window of `window` x `window` pixels (4 to 32), `pixels_per_lambda_d` of them in lambda/d (1
+    /// to 8), no wider than the image's period.
+    pub(crate) fn checked(
+        samples: usize,
+        window: usize,
+        pixels_per_lambda_d: f64,
+    ) -> Result<Self, OpticsError> {
+        if !(4..=32).contains(&window) {
+            return Err(OpticsError::range("window", window as f64, "4 to 32 pixels"));
+        }
+        if !(1.0..=8.0).contains(&pixels_per_lambda_d) {
+            return Err(OpticsError::range("pixels_per_lambda_d", pixels_per_lambda_d, "1 to 8"));
+        }
+        // The image of a pupil with n samples per subaperture repeats itself every n lambda/d.
+        let period = samples as f64 * pixels_per_lambda_d;
+        if window as f64 > period {
+            let limit = format!("<= {period} pixels (samples times pixels_per_lambda_d)");
+            return Err(OpticsError::range("window", window as f64, limit));
+        }
+        Ok(Self::new(samples, window, pixels_per_lambda_d))
+    }
+
+    fn new(samples: usize, window: usize, pixels_per_lambda_d: f64) -> Self {
         let padded = window.next_multiple_of(LANES);
         let pixel = 1.0 / (samples as f64 * pixels_per_lambda_d);
         let kernel = |lag: i64, k: usize| -> [f64; 2] {

@@ -5,11 +5,15 @@
 //! |---|---|
 //! | [`phase`] | the phase along the paths from a star, a laser guide star or a SPLASH spot |
 //! | [`splash_image`] | noise-free images of the spots, by wave optics |
+//! | [`subaperture_image`] | the same of a guide star, through each subaperture |
+//! | [`camera`] | one of the two, by sensor |
 //! | [`geometric`] | centroids as mean gradients, for SPLASH and for guide stars |
+//! | [`segment_fit`] | the mirror that leaves the least of the star's phase |
 //! | [`science`] | residual phase, variance and Strehl ratio of the corrected star |
 //! | [`long_exposure`] | its mean point spread function |
 
 mod block_otf;
+pub mod camera;
 pub(crate) mod error;
 mod focal_plane;
 pub mod geometric;
@@ -19,7 +23,9 @@ mod otf;
 pub mod phase;
 mod sampling;
 pub mod science;
+pub mod segment_fit;
 mod sincos;
 pub mod splash_image;
+pub mod subaperture_image;
 
 pub use error::OpticsError;

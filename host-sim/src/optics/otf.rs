@@ -247,3 +247,13 @@ impl PupilOtf {
         }
     }
 }
+
+/// `[row][col]` to `[group][col][lane]`; lanes beyond the last row keep their value.
+pub(crate) fn to_lanes(rows: &[f32], side: usize, lanes: &mut [f32]) {
+    for (row, values) in rows.chunks_exact(side).enumerate() {
+        let group = &mut lanes[row / LANES * side * LANES..];
+        for (lanes, value) in group.chunks_exact_mut(LANES).zip(values) {
+            lanes[row % LANES] = *value;
+        }
+    }
+}

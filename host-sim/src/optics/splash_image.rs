@@ -9,7 +9,7 @@ use super::OpticsError;
 use super::block_otf::{BlockOtf, BlockOtfScratch};
 use super::focal_plane::{FocalPlane, FocalPlaneScratch};
 use super::lane_fft::LANES;
-use super::otf::{HighLayer, Lags, PathPhase, PupilOtf, PupilOtfScratch};
+use super::otf::{HighLayer, Lags, PathPhase, PupilOtf, PupilOtfScratch, to_lanes};
 use super::phase::{Path, PhaseSampler, check_geometry};
 use super::sampling::{Footprint, Taps};
 use crate::atmosphere::Atmosphere;
@@ -73,19 +73,8 @@ impl SplashCamera {
         window: usize,
     ) -> Result<Self, OpticsError> {
         check_geometry(pupil, atmosphere, Some(beacon_height_m))?;
-        if !(4..=32).contains(&window) {
-            return Err(OpticsError::range("window", window as f64, "4 to 32 pixels"));
-        }
-        if !(1.0..=8.0).contains(&pixels_per_lambda_d) {
-            return Err(OpticsError::range("pixels_per_lambda_d", pixels_per_lambda_d, "1 to 8"));
-        }
-        // The image of a pupil with n samples per subaperture repeats itself every n lambda/d.
-        let period = pupil.samples() as f64 * pixels_per_lambda_d;
-        if window as f64 > period {
-            let limit = format!("<= {period} pixels (samples times pixels_per_lambda_d)");
-            return Err(OpticsError::range("window", window as f64, limit));
-        }
         let (samples, side) = (pupil.samples(), pupil.side());
+        let focal_plane = FocalPlane::checked(samples, window, pixels_per_lambda_d)?;
         let mut illuminated = vec![0.0; side * side];
         for (k, value) in illuminated.iter_mut().enumerate() {
             *value = f32::from(u8::from(pupil.illuminates(k / side, k % side)));
@@ -99,7 +88,7 @@ impl SplashCamera {
             window,
             pupil_otf: PupilOtf::new(pupil),
             block_otf: BlockOtf::new(samples),
-            focal_plane: FocalPlane::new(samples, window, pixels_per_lambda_d),
+            focal_plane,
             mask,
             sampler: PhaseSampler::default(),
             footprint: Footprint::default(),
@@ -284,15 +273,5 @@ impl WithSimd for Spot<'_> {
             (*up_re, *up_im) = (total.0 * norm, total.1 * norm);
         }
         camera.focal_plane.image(simd, up, focal_plane, image);
-    }
-}
-
-/// `[row][col]` to `[group][col][lane]`; lanes beyond the last row keep their value.
-fn to_lanes(rows: &[f32], side: usize, lanes: &mut [f32]) {
-    for (row, values) in rows.chunks_exact(side).enumerate() {
-        let group = &mut lanes[row / LANES * side * LANES..];
-        for (lanes, value) in group.chunks_exact_mut(LANES).zip(values) {
-            lanes[row % LANES] = *value;
-        }
     }
 }

@@ -1,0 +1,220 @@
+//! The results of `host-sim strehl` as a table, JSON, CSV, FITS and a figure.
+
+use super::Task;
+use crate::error::Error;
+use crate::figures::{Measured, error_bars};
+use crate::files::csv::SeriesWriter;
+use crate::files::fits::{FitsWriter, Header};
+use crate::monte_carlo::comparator::Comparator;
+use crate::monte_carlo::point::Outcome;
+use crate::monte_carlo::statistics::Mean;
+use serde::Serialize;
+use std::path::Path;
+
+/// The JSON.
+#[derive(Debug, Serialize)]
+pub(super) struct StrehlResult {
+    points: Vec<PointResult>,
+    paired: Vec<PairResult>,
+}
+
+#[derive(Debug, Serialize)]
+struct PointResult {
+    n: usize,
+    sensor: &'static str,
+    strehl: f64,
+    /// Null for a single screen.
+    strehl_se: f64,
+    variance_rad2: f64,
+    screens: u32,
+}
+
+/// The difference a - b under the same screens.
+#[derive(Debug, Serialize)]
+struct PairResult {
+    n: usize,
+    a: &'static str,
+    b: &'static str,
+    difference: f64,
+    se: f64,
+}
+
+/// Screen by screen, of all points.
+pub(super) struct Screens<'a> {
+    pub(super) tasks: &'a [Task],
+    pub(super) screens: u32,
+    pub(super) comparators: &'a [Comparator],
+}
+
+/// One number of each screen, in their order.
+fn values(task: &Task, screens: u32, c: Comparator, of: fn(&Outcome) -> f64) -> Vec<f64> {
+    (0..screens).map(|screen| of(&task.checkpoint.finished()[&(screen, c)])).collect()
+}
+
+/// Means and differences.
+pub(super) fn gather(tasks: &[Task], screens: u32, comparators: &[Comparator]) -> StrehlResult {
+    let (mut points, mut paired) = (Vec::new(), Vec::new());
+    for task in tasks {
+        let n = task.point.n();
+        let strehl = |c| values(task, screens, c, |outcome| outcome.strehl);
+        for (index, &a) in comparators.iter().enumerate() {
+            let Mean { mean, standard_error } = Mean::of(&strehl(a));
+            points.push(PointResult {
+                n,
+                sensor: a.name(),
+                strehl: mean,
+                strehl_se: standard_error,
+                variance_rad2: Mean::of(&values(task, screens, a, |o| o.variance_rad2)).mean,
+                screens,
+            });
+            for &b in &comparators[index + 1..] {
+                let Mean { mean, standard_error } = Mean::of_differences(&strehl(a), &strehl(b));
+                let (a, b) = (a.name(), b.name());
+                paired.push(PairResult { n, a, b, difference: mean, se: standard_error });
+            }
+        }
+    }
+    StrehlResult { points, paired }
+}
+
+/// `strehl.csv`, one line an N; `paired.csv`, the same for differences; `screens.csv`, one line a screen.
+pub(super) fn write_csv(
+    directory: &Path,
+    tasks: &[Task],
+    result: &StrehlResult,
+    comparators: &[Comparator],
+) -> Result<(), Error> {
+    let StrehlResult { points, paired } = result;
+    let head = |first: &[&str], rest: Vec<String>| -> Vec<String> {
+        first.iter().map(|name| (*name).to_string()).chain(rest).collect()
+    };
+    let create = |name: &str, columns: &[String]| {
+        let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
+        SeriesWriter::create(directory.join(name), &columns)
+    };
+    let three =
+        |c: &Comparator| ["", "_se", "_variance_rad2"].map(|end| c.name().to_string() + end);
+    let columns = head(&["n", "screens"], comparators.iter().flat_map(three).collect());
+    let mut file = create("strehl.csv", &columns)?;
+    for row in points.chunks(comparators.len()) {
+        let mut line = vec![row[0].n as f64, f64::from(row[0].screens)];
+        line.extend(row.iter().flat_map(|p| [p.strehl, p.strehl_se, p.variance_rad2]));
+        file.push(&line)?;
+    }
+    file.finish()?;
+
+    let pairs = comparators.len() * (comparators.len() - 1) / 2;
+    if pairs > 0 {
+        let two = |p: &PairResult| ["", "_se"].map(|end| format!("{}_minus_{}{end}", p.a, p.b));
+        let columns = head(&["n"], paired[..pairs].iter().flat_map(two).collect());
+        let mut file = create("paired.csv", &columns)?;
+        for row in paired.chunks(pairs) {
+            let mut line = vec![row[0].n as f64];
+            line.extend(row.iter().flat_map(|pair| [pair.difference, pair.se]));
+            file.push(&line)?;
+        }
+        file.finish()?;
+    }
+
+    let two = |c: &Comparator| ["", "_variance_rad2"].map(|end| c.name().to_string() + end);
+    let columns = head(&["n", "screen"], comparators.iter().flat_map(two).collect());
+    let mut file = create("screens.csv", &columns)?;
+    for (task, point) in tasks.iter().zip(points.chunks(comparators.len())) {
+        for screen in 0..point[0].screens {
+            let mut line = vec![task.point.n() as f64, f64::from(screen)];
+            for &comparator in comparators {
+                let outcome = task.checkpoint.finished()[&(screen, comparator)];
+                line.extend([outcome.strehl, outcome.variance_rad2]);
+            }
+            file.push(&line)?;
+        }
+    }
+    Ok(file.finish()?)
+}
+
+/// STREHL and VARIANCE, screen by screen (screen, sensor, N); N, the sizes of the third axis.
+pub(super) fn write_fits(path: &Path, each: &Screens<'_>, seed: u64) -> Result<(), Error> {
+    let Screens { tasks, screens, comparators } = *each;
+    let header = |unit: &str| {
+        let mut header = Header::new()
+            .with("BUNIT", unit, "unit of the values")
+            .with("ORIGIN", "host-sim", "SPLASH simulator")
+            .with("SEED", seed.to_string(), "seed of turbulence and noise");
+        for (index, comparator) in comparators.iter().enumerate() {
+            header = header.with(&format!("SENSOR{}", index + 1), comparator.name(), "axis 2");
+        }
+        header
+    };
+    let cube = |of: fn(&Outcome) -> f64| -> Vec<f64> {
+        let all = tasks.iter().flat_map(|task| comparators.iter().map(move |c| (task, *c)));
+        all.flat_map(|(task, comparator)| values(task, screens, comparator, of)).collect()
+    };
+    let shape = [screens as usize, comparators.len(), tasks.len()];
+    let across: Vec<i32> = tasks.iter().map(|task| task.point.n() as i32).collect();
+    let mut file = FitsWriter::create(path)?;
+    file.image("STREHL", &shape, &header(""), &cube(|outcome| outcome.strehl))?;
+    file.image("VARIANCE", &shape, &header("rad2"), &cube(|outcome| outcome.variance_rad2))?;
+    file.image("N", &[across.len()], &Header::new(), &across)?;
+    Ok(file.finish()?)
+}
+
+/// Strehl ratio against D/r0.
+pub(super) fn draw(
+    path: &Path,
+    title: &str,
+    tasks: &[Task],
+    result: &StrehlResult,
+    comparators: &[Comparator],
+) -> Result<(), Error> {
+    let ratio =
+        |task: &Task| task.point.pupil().diameter_m() / task.point.instrument().atmosphere.r0_m;
+    let x: Vec<f64> = tasks.iter().map(ratio).collect();
+    let column = |name: &str, of: fn(&PointResult) -> f64| -> Vec<f64> {
+        result.points.iter().filter(|point| point.sensor == name).map(of).collect()
+    };
+    let data: Vec<_> = comparators
+        .iter()
+        .map(|c| (c, column(c.name(), |p| p.strehl), column(c.name(), |p| p.strehl_se)))
+        .collect();
+    let curves: Vec<_> = data
+        .iter()
+        .map(|(comparator, y, error)| {
+            let (name, colour) = style(**comparator);
+            Measured { name, colour, y, error }
+        })
+        .collect();
+    Ok(error_bars(path, ["D / r0", "Strehl ratio"], title, &x, &curves)?)
+}
+
+fn style(comparator: Comparator) -> (&'static str, &'static str) {
+    match comparator {
+        Comparator::Splash => ("SPLASH", "#b3261e"),
+        Comparator::Lgs => ("LGS", "#4477aa"),
+        Comparator::Ngs => ("NGS", "#228833"),
+        Comparator::Fit => ("fit", "#555555"),
+    }
+}
+
+/// The table: one line an N and sensor, one an N and pair.
+pub(super) fn table(
+    result: &StrehlResult,
+    comparators: &[Comparator],
+) -> Vec<(&'static str, String)> {
+    let mut table = Vec::new();
+    let pairs = comparators.len() * (comparators.len() - 1) / 2;
+    for (index, row) in result.points.chunks(comparators.len()).enumerate() {
+        for point in row {
+            let PointResult { n, sensor, strehl, strehl_se, variance_rad2, .. } = point;
+            table.push((
+                if sensor == &row[0].sensor { "Strehl ratio" } else { "" },
+                format!(
+                    "N = {n:<3} {sensor:<6} {strehl:.4} +- {strehl_se:.4}, {variance_rad2:.4} rad^2"
+                ),
+            ));
+        }
+        for PairResult { n, a, b, difference, se } in &result.paired[index * pairs..][..pairs] {
+            table.push(("", format!("N = {n:<3} {a} - {b}: {difference:+.4} +- {se:.4}")));
+        }
+    }
+    table
+}

@@ -1,0 +1,64 @@
+use std::path::Path;
+
+use super::axes::{Axes, Layout, Symbol};
+use super::canvas::Stroke;
+use super::{FigureError, check_size};
+
+/// Width and height of the plotting area, px.
+const SIZE: [f64; 2] = [560.0, 380.0];
+/// Radius of the mark at a point, and half the width of a bar's ends, px.
+const MARK: f64 = 3.0;
+const CAP: f64 = 4.0;
+
+/// A curve through measured points.
+#[derive(Clone, Debug)]
+pub struct Measured<'a> {
+    /// In the legend.
+    pub name: &'a str,
+    /// `#rrggbb`.
+    pub colour: &'static str,
+    /// One value for each x.
+    pub y: &'a [f64],
+    /// The standard error of each; one that is not finite has no bar.
+    pub error: &'a [f64],
+}
+
+/// Draws curves with error bars of one standard error up and down, y from 0 to 1.
+///
+/// # Errors
+/// [`FigureError::Size`] if a curve has not one value and one error for each x, [`FigureError::Io`].
+pub fn error_bars(
+    path: impl AsRef<Path>,
+    [x_label, y_label]: [&str; 2],
+    title: &str,
+    x: &[f64],
+    curves: &[Measured<'_>],
+) -> Result<(), FigureError> {
+    for curve in curves {
+        check_size("curve", x.len(), curve.y.len())?;
+        check_size("error bars", x.len(), curve.error.len())?;
+    }
+    let last = x.iter().copied().fold(1.0, f64::max);
+    let layout =
+        Layout { title, x_label, y_label, x: [0.0, 1.05 * last], y: [0.0, 1.0], size: SIZE };
+    let mut axes = Axes::new(&layout, false);
+    for &Measured { name, colour, y, error } in curves.iter().rev() {
+        let stroke = Stroke::solid(colour, 1.6);
+        let points: Vec<_> = x.iter().zip(y).map(|(&x, &y)| axes.place(x, y)).collect();
+        axes.canvas.curve(&points, stroke);
+        for ((&x, &y), &error) in x.iter().zip(y).zip(error) {
+            axes.canvas.circle(axes.place(x, y), MARK, stroke);
+            if error.is_finite() {
+                let [middle, low] = axes.place(x, y - error);
+                let [_, high] = axes.place(x, y + error);
+                axes.canvas.line([middle, low], [middle, high], stroke);
+                for end in [low, high] {
+                    axes.canvas.line([middle - CAP, end], [middle + CAP, end], stroke);
+                }
+            }
+        }
+        axes.legend(&Symbol::Line(stroke), name);
+    }
+    axes.frame();
+    axes.canvas.save(path.as_ref())
+}

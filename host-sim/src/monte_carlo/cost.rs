@@ -1,0 +1,91 @@
+//! What a run will take, before it starts.
+//!
+//! Times are a fit to one core of a virtual PC at 3.7 GHz with AVX-512: within a factor of
+//! two there, of the right order elsewhere. Memory is counted from the sizes of the arrays.
+
+use super::comparator::Comparator;
+use super::point::Point;
+use crate::atmosphere::Turbulence;
+use crate::closed_loop::Sensing;
+use crate::error::Error;
+
+/// Drawing a screen, s per texel.
+const DRAW_S: f64 = 3e-8;
+/// Bytes per texel of a screen while it is drawn, of its spectrum, and once it is drawn.
+const DRAWING: u64 = 24;
+const SPECTRUM: u64 = 2;
+const DRAWN: u64 = 4;
+/// Bytes of everything that does not grow with the pupil.
+const BASE: u64 = 64 << 20;
+
+/// Time and memory.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cost {
+    /// On one core, s.
+    pub core_s: f64,
+    /// Bytes that all threads share.
+    pub shared: u64,
+    /// Bytes for each thread.
+    pub each: u64,
+}
+
+impl Cost {
+    /// That of one screen at `point` with `comparators`.
+    ///
+    /// # Errors
+    /// [`Error::Config`] if a screen would be too large for any memory.
+    pub fn of_screen(point: &Point, comparators: &[Comparator]) -> Result<Self, Error> {
+        let instrument = point.instrument();
+        let pupil = point.pupil();
+        let [largest, all] = Turbulence::texels(
+            &instrument.layers(),
+            pupil.diameter_m(),
+            pupil.pitch_m(),
+            point.duration_s(),
+        )?;
+        let frames = f64::from(point.frames());
+        let sensing = point.conditions().sensing;
+        let (n, samples) = (point.n() as f64, pupil.side() as u64);
+        // All work is on samples.
+        let scale = (pupil.samples() as f64 / 8.0).powi(2);
+        let loops = comparators.iter().map(|&c| frames * scale * frame_s(c, sensing, n));
+        let detector = instrument.detector_side() as u64;
+        // Phases; resampled rows of each layer above the ground; detector maps and frames.
+        let arrays = 64 * samples * samples
+            + 4 * instrument.atmosphere.layers.len() as u64
+                * point.n() as u64
+                * samples
+                * 2
+                * samples
+            + match sensing {
+                Sensing::Images => 80 * detector * detector,
+                Sensing::Geometric => 0,
+            };
+        Ok(Self {
+            core_s: DRAW_S * all as f64 + loops.sum::<f64>(),
+            shared: BASE + SPECTRUM * all,
+            each: DRAWING * largest + DRAWN * all + arrays,
+        })
+    }
+}
+
+/// A frame with 8 samples per subaperture, s on one core: the time at N = 8 and the power of N with which it
+/// grows, both measured at N = 8 and 32.
+fn frame_s(comparator: Comparator, sensing: Sensing, n: f64) -> f64 {
+    let (at_8, power) = match (comparator, sensing) {
+        (Comparator::Fit, _) => (1.5e-4, 2.0),
+        (Comparator::Splash, Sensing::Images) => (1.6e-3, 3.2),
+        (Comparator::Splash, Sensing::Geometric) => (2.4e-4, 2.6),
+        (_, Sensing::Images) => (5.5e-4, 2.4),
+        (_, Sensing::Geometric) => (1.9e-4, 2.0),
+    };
+    at_8 * (n / 8.0_f64).powf(power)
+}
+
+/// Memory that is free to use, bytes; `None` where the system does not say.
+pub fn available() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kibibytes << 10)
+}

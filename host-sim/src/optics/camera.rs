@@ -1,0 +1,79 @@
+//! The camera of any sensor.
+
+use super::OpticsError;
+use super::geometric::Sensor;
+use super::splash_image::SplashCamera;
+use super::subaperture_image::SubapertureCamera;
+use crate::atmosphere::Atmosphere;
+use crate::pupil::{Mirror, Pupil};
+
+/// What makes the images of a sensor.
+pub enum Camera {
+    /// Spots through the subaperture and back through the whole telescope.
+    Splash(Box<SplashCamera>),
+    /// A guide star through each subaperture.
+    Subapertures(Box<SubapertureCamera>),
+}
+
+impl Camera {
+    /// The camera of `sensor`, whose beacon (if it has one) is at `beacon_height_m`; see
+    /// [`SplashCamera::new`] and [`SubapertureCamera::new`].
+    ///
+    /// # Errors
+    /// [`OpticsError`] with the value and its limit.
+    pub fn new(
+        sensor: Sensor,
+        pupil: &Pupil,
+        atmosphere: &Atmosphere,
+        beacon_height_m: f64,
+        pixels_per_lambda_d: f64,
+        window: usize,
+    ) -> Result<Self, OpticsError> {
+        let of_guide_star = |height_m| {
+            SubapertureCamera::new(pupil, atmosphere, height_m, pixels_per_lambda_d, window)
+        };
+        Ok(match sensor {
+            Sensor::Splash => {
+                let height_m = beacon_height_m;
+                let camera =
+                    SplashCamera::new(pupil, atmosphere, height_m, pixels_per_lambda_d, window)?;
+                Self::Splash(camera.into())
+            }
+            Sensor::Lgs => Self::Subapertures(of_guide_star(Some(beacon_height_m))?.into()),
+            Sensor::Ngs => Self::Subapertures(of_guide_star(None)?.into()),
+        })
+    }
+
+    /// W, pixels on the side of a window.
+    pub fn window(&self) -> usize {
+        match self {
+            Self::Splash(camera) => camera.window(),
+            Self::Subapertures(camera) => camera.window(),
+        }
+    }
+
+    /// Number of images, one per subaperture in use.
+    pub fn spots(&self) -> usize {
+        match self {
+            Self::Splash(camera) => camera.spots(),
+            Self::Subapertures(camera) => camera.spots(),
+        }
+    }
+
+    /// The images, `[subaperture][row][column]`, as fractions of each subaperture's light.
+    ///
+    /// # Panics
+    /// As [`SplashCamera::expose`] and [`SubapertureCamera::expose`].
+    pub fn expose(
+        &mut self,
+        atmosphere: &Atmosphere,
+        time_s: f64,
+        mirror: &Mirror,
+        images: &mut [f32],
+    ) {
+        match self {
+            Self::Splash(camera) => camera.expose(atmosphere, time_s, mirror, images),
+            Self::Subapertures(camera) => camera.expose(atmosphere, time_s, mirror, images),
+        }
+    }
+}
