@@ -425,51 +425,19 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         if end > start {
             match config.estimator {
                 EstimatorConfig::Weighted { gain, .. } => {
-                    self.measure_weighted(config, [start, end], gain, sink);
+                    self.measure::<true, P>(config, [start, end], gain, sink);
                 }
-                _ => self.measure(config, [start, end], sink),
+                _ => self.measure::<false, P>(config, [start, end], 0, sink),
             }
         }
     }
 
-    /// Measures windows from their moments.
+    /// Measures windows from their moments, or from their weighted ones, of which `gain` undoes the
+    /// weight.
     ///
     /// Not inlined: it needs all registers.
     #[inline(never)]
-    fn measure<const P: usize>(
-        &mut self,
-        config: &Config<M, P, B>,
-        [start, end]: [usize; 2],
-        sink: &mut impl Sink,
-    ) {
-        let (Some(measurements), Ok([done, new])) = (
-            self.measurements.get_mut(1 - self.complete),
-            self.tracking.get_disjoint_mut([self.complete, 1 - self.complete]),
-        ) else {
-            return;
-        };
-        let tracking = done.get(start..end).unwrap_or_default().iter();
-        let tracking = tracking.zip(new.get_mut(start..end).unwrap_or_default());
-        let windows = self.windows.get(start..end).unwrap_or_default();
-        let slots = config.slots.get(start..end).unwrap_or_default();
-        let shared = Shared::new(config);
-        for ((slot, window), (tracking, next)) in slots.iter().zip(windows).zip(tracking) {
-            let subaperture = usize::from(slot.subaperture);
-            let (Some(place), Some(&base)) =
-                (measurements.get_mut(subaperture), config.base_thresholds.get(subaperture))
-            else {
-                continue;
-            };
-            let moments = &window.moments;
-            let measurement = window.measurement(moments, moments.sum, tracking, &shared);
-            *next = tracking.next(&measurement, base, &shared);
-            *place = measurement;
-            sink.take(subaperture, &measurement);
-        }
-    }
-
-    /// Measures windows from their weighted moments; `gain` undoes the weight's.
-    fn measure_weighted<const P: usize>(
+    fn measure<const WEIGHTED: bool, const P: usize>(
         &mut self,
         config: &Config<M, P, B>,
         [start, end]: [usize; 2],
@@ -487,11 +455,11 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         let windows = self.windows.get(start..end).unwrap_or_default().iter();
         let weighted = self.weighted.get(start..end).unwrap_or_default().iter();
         let weighted = weighted.zip(self.centres.get(start..end).unwrap_or_default());
-        let windows = windows.zip(weighted);
-        let slots = config.slots.get(start..end).unwrap_or_default();
-        let shared = Shared { short_sums: false, ..Shared::new(config) };
-        for ((slot, (window, (weighted, centre))), (tracking, next)) in
-            slots.iter().zip(windows).zip(tracking)
+        let slots = config.slots.get(start..end).unwrap_or_default().iter();
+        let mut shared = Shared::new(config);
+        shared.short_sums &= !WEIGHTED;
+        for (((slot, window), (weighted, centre)), (tracking, next)) in
+            slots.zip(windows).zip(weighted).zip(tracking)
         {
             let subaperture = usize::from(slot.subaperture);
             let (Some(place), Some(&base)) =
@@ -499,10 +467,16 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             else {
                 continue;
             };
-            let (moments, flux) = (weighted.narrow(), weighted.flux());
+            let (moments, flux) = if WEIGHTED {
+                (weighted.narrow(), weighted.flux())
+            } else {
+                (window.moments, window.moments.sum)
+            };
             let mut measurement = window.measurement(&moments, flux, tracking, &shared);
-            let axes = measurement.centroid_q16.iter_mut().zip(centre);
-            axes.for_each(|(c, &centre)| *c = centroid::unweighted(centre.into(), *c, gain));
+            if WEIGHTED {
+                let axes = measurement.centroid_q16.iter_mut().zip(centre);
+                axes.for_each(|(c, &centre)| *c = centroid::unweighted(centre.into(), *c, gain));
+            }
             *next = tracking.next(&measurement, base, &shared);
             *place = measurement;
             sink.take(subaperture, &measurement);
