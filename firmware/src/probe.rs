@@ -1,11 +1,11 @@
 //! Where the time goes: a board is told as `finish` passes from stage to stage.
 
 /// The stages of [`finish_probed`](crate::pipeline::Pipeline::finish_probed), in their order. What
-/// comes before them, calibration and centroids, is done row by row in `push_row`.
+/// comes before them, from calibration to slopes, is done in `push_row` as rows come and windows end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Stage {
-    /// Measurements to slopes, and the thresholds of the next frame.
+    /// The complete frame's measurements, slopes and thresholds become those in use.
     Slopes,
     /// Slopes to tip/tilt commands.
     Control,

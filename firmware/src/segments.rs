@@ -116,11 +116,13 @@ struct Room {
 }
 
 impl Room {
-    /// Least and greatest piston for all of them; crossed where none will do.
+    /// The piston nearest to `wanted` that all of them allow; the least one that no lower limit forbids
+    /// where none will do, as rounding can have it by an ulp where exactly one did.
     #[inline(always)]
-    fn interval(&self) -> (i32, i32) {
+    fn nearest(&self, wanted_ulp: i32) -> i32 {
         let [(l0, h0), (l1, h1), (l2, h2)] = self.pistons;
-        (larger(larger(l0, l1), l2), smaller(smaller(h0, h1), h2))
+        let (low, high) = (larger(larger(l0, l1), l2), smaller(smaller(h0, h1), h2));
+        larger(smaller(wanted_ulp, high), low)
     }
 
     /// Actuators that a piston takes beyond their limits.
@@ -192,8 +194,7 @@ impl Segment {
     pub(crate) fn go(&self, target: Position, ratio_bits: u32) -> Move {
         let room = self.room(target.tilt_ulp, ratio_bits);
         let wanted = target.piston_ulp;
-        let (low, high) = room.interval();
-        let piston_ulp = larger(smaller(wanted, high), low);
+        let piston_ulp = room.nearest(wanted);
         let [q0, q1, q2] = room.tilted;
         Move {
             position: Position { piston_ulp, tilt_ulp: target.tilt_ulp },
@@ -225,8 +226,7 @@ impl Segment {
             position.tilt_ulp = target.tilt_ulp.map(|tilt| shrink(tilt, scale));
             room = self.room(position.tilt_ulp, travel.ratio_bits);
         }
-        let (low, high) = room.interval();
-        position.piston_ulp = larger(smaller(wanted, high), low);
+        position.piston_ulp = room.nearest(wanted);
         let mut slewed = 0;
         if travel.slews {
             let heights = room.tilted.map(|q| position.piston_ulp.wrapping_add(q));
@@ -237,10 +237,11 @@ impl Segment {
             position = towards(previous, position, scale(travel.slew_ulp, longest));
             room = self.room(position.tilt_ulp, travel.ratio_bits);
         }
-        let mut heights_ulp = room.tilted.map(|q| position.piston_ulp.wrapping_add(q));
-        // Inside but for the rounding of the last products.
-        let limits = pairs(pairs(self.lowest, self.highest), heights_ulp);
-        heights_ulp = limits.map(|((low, high), h)| smaller(larger(h, low), high));
+        let limits = pairs(pairs(self.lowest, self.highest), room.tilted);
+        // Inside by construction but for the rounding of the last products.
+        let heights_ulp = limits.map(|((low, high), q)| {
+            smaller(larger(position.piston_ulp.wrapping_add(q), low), high)
+        });
         Move { position, heights_ulp, limited: Limited { saturated, slewed } }
     }
 

@@ -15,7 +15,7 @@ mod server;
 
 pub use image::{Left, Pieces};
 pub use outbox::Outbox;
-pub use server::{receive, serve};
+pub use server::{identity, receive, serve};
 
 use splash_firmware::link::Stack;
 

@@ -37,6 +37,18 @@ pub fn serve<T: Port, const M: usize, const P: usize, const B: usize>(
     }
 }
 
+/// What a board of that name, at most 16 bytes, and these capacities says of itself.
+#[must_use]
+pub fn identity<const M: usize, const P: usize, const B: usize>(board: &str) -> Identity {
+    Identity {
+        board: board.try_into().unwrap_or_default(),
+        version: env!("CARGO_PKG_VERSION").try_into().unwrap_or_default(),
+        cells: M as u32,
+        pixels: P as u32,
+        buffered: B as u32,
+    }
+}
+
 /// Its own function, so that nothing is done between the two.
 #[inline(never)]
 fn mark_twice<T: Port>() {
@@ -89,7 +101,7 @@ impl<const M: usize, const P: usize, const B: usize> Server<'_, M, P, B> {
     ) -> crate::Left<T::Error> {
         let mut out = Outbox { port, sequence: request.sequence };
         match request.body {
-            Request::Identify => out.send(Response::Identity(self.identity()))?,
+            Request::Identify => out.send(Response::Identity(identity::<M, P, B>(self.board)))?,
             Request::Load { bytes } => {
                 let mut pieces = Pieces::new(out.port, receiver, bytes);
                 let loaded = self.config.load(&mut |bytes| pieces.fill(bytes));
@@ -136,16 +148,6 @@ impl<const M: usize, const P: usize, const B: usize> Server<'_, M, P, B> {
             }
         }
         Ok(None)
-    }
-
-    fn identity(&self) -> Identity {
-        Identity {
-            board: self.board.try_into().unwrap_or_default(),
-            version: env!("CARGO_PKG_VERSION").try_into().unwrap_or_default(),
-            cells: M as u32,
-            pixels: P as u32,
-            buffered: B as u32,
-        }
     }
 
     fn begin<T: Port>(&mut self, number: u32) {

@@ -13,9 +13,9 @@ use crate::gate::{GateError, GateTicks};
 use crate::shape::{Shape, ShapeError};
 use splash_firmware::config::Config;
 use splash_firmware::error::Field;
-use splash_firmware::link::{Identity, Message, Reason, Receiver, Request, Response, Stack};
+use splash_firmware::link::{Message, Reason, Receiver, Request, Response, Stack};
 use splash_firmware::pipeline::RowError;
-use splash_server::{Left, Link, Outbox, Pieces, receive};
+use splash_server::{Left, Link, Outbox, Pieces, identity, receive};
 
 /// What a board gives to the service.
 pub trait Board: Link {
@@ -96,7 +96,7 @@ impl<'q, const M: usize, const P: usize, const B: usize> Service<'q, M, P, B> {
     fn answer<T: Board>(&mut self, board: &mut T, request: Message<Request>) -> Left<T::Error> {
         let mut out = Outbox { port: board, sequence: request.sequence };
         match request.body {
-            Request::Identify => out.send(Response::Identity(self.identity()))?,
+            Request::Identify => out.send(Response::Identity(identity::<M, P, B>(self.name)))?,
             Request::Load { bytes } => {
                 let mut pieces = Pieces::new(out.port, &mut self.receiver, bytes);
                 let Some(spare) = self.spare.take() else { return pieces.drain() };
@@ -145,16 +145,6 @@ impl<'q, const M: usize, const P: usize, const B: usize> Service<'q, M, P, B> {
             }
         }
         Ok(None)
-    }
-
-    fn identity(&self) -> Identity {
-        Identity {
-            board: self.name.try_into().unwrap_or_default(),
-            version: env!("CARGO_PKG_VERSION").try_into().unwrap_or_default(),
-            cells: M as u32,
-            pixels: P as u32,
-            buffered: B as u32,
-        }
     }
 }
 
