@@ -28,13 +28,13 @@ const COLD: u16 = 4;
 
 /// Where a window is and whose it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Slot {
+pub struct Slot {
     /// Column of its first pixel.
-    pub(crate) x0: u16,
+    pub x0: u16,
     /// Row of its first pixel.
-    pub(crate) y0: u16,
+    pub y0: u16,
     /// Its subaperture.
-    pub(crate) subaperture: u16,
+    pub subaperture: u16,
 }
 
 /// A validated configuration.

@@ -36,6 +36,7 @@ pub mod gate;
 pub mod geometry;
 pub mod image;
 pub mod link;
+mod loader;
 mod omega;
 pub mod pipeline;
 pub mod pixels;
