@@ -35,6 +35,13 @@ pub struct Response {
     pub slope: i32,
 }
 
+impl Response {
+    /// v at a height within +-2^27 ulp of piston.
+    pub(crate) const fn value(&self, height_ulp: i32) -> i64 {
+        self.offset as i64 + ((self.slope as i64 * height_ulp as i64) >> SLOPE_BITS)
+    }
+}
+
 /// ulp, as a power of two, over which [`Response::slope`] is the change: an actuator that reaches
 /// no more than a quarter of the nominal stroke, four times faster than the piston, still fits.
 pub(crate) const SLOPE_BITS: u32 = 21;

@@ -6,6 +6,7 @@
 //! between frames.
 
 use crate::actuators::{Drive, Law, Response};
+use crate::calibration::Calibration;
 use crate::centroid::{self, EstimatorConfig, Template};
 use crate::control::{ControlConfig, Gains};
 use crate::error::ConfigError;
@@ -77,6 +78,8 @@ pub struct Config<const M: usize, const P: usize, const B: usize> {
     pub(crate) lsb_m: f64,
     pub(crate) adu_per_unit: f64,
     pub(crate) omega: f64,
+    /// Record of the calibration that it carries.
+    pub(crate) calibrated: Option<Calibration>,
 }
 
 impl<const M: usize, const P: usize, const B: usize> Default for Config<M, P, B> {
@@ -118,6 +121,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             lsb_m: 0.0,
             adu_per_unit: 0.0,
             omega: 0.0,
+            calibrated: None,
         }
     }
 
@@ -164,6 +168,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.timing = timing;
         self.lsb_m = quantiser.lsb_m;
         self.adu_per_unit = quantiser.adu_per_unit;
+        self.calibrated = None;
         self.fill_nodes(&spec.mask);
         self.fill_subapertures(&quantiser, spec)?;
         self.fill_bank(&quantiser, spec);
@@ -181,6 +186,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
     /// Back to no subapertures.
     pub(crate) fn forget(&mut self) {
         self.mask = None;
+        self.calibrated = None;
         self.clear();
         self.bank.clear();
         self.nodes.clear();

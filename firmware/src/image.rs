@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! "SPLI"  version u16                              little-endian, as everything below
-//! rows of the mask, N u64, after the head          bit x of row y is the cell (x, y)
-//! head, slots, subapertures                        postcard, each after its length (u8)
+//! rows of the mask, N u64, after the calibration   bit x of row y is the cell (x, y)
+//! head, calibration, slots, subapertures           postcard, each after its length (u8)
 //! template, floors u16, losses u16, thresholds u8  in the bank's order
 //! CRC-32 (ISO-HDLC) of all before
 //! ```
@@ -30,7 +30,7 @@ use serde::{Deserialize, Serialize};
 
 pub(crate) const MAGIC: [u8; 4] = *b"SPLI";
 /// Version of the layout.
-pub const VERSION: u16 = 1;
+pub const VERSION: u16 = 2;
 pub(crate) const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 /// Longest record, bytes: its length is one byte.
 pub(crate) const RECORD: usize = u8::MAX as usize;
@@ -172,6 +172,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         out.bytes(&MAGIC);
         out.bytes(&VERSION.to_le_bytes());
         out.record(&self.head(mask));
+        out.record(&self.calibrated);
         mask.rows().iter().for_each(|row| out.bytes(&row.to_le_bytes()));
         self.slots.iter().for_each(|slot| out.record(slot));
         for i in 0..self.subapertures() {
@@ -372,7 +373,7 @@ impl Subaperture {
     /// Refuses what breaks the bounds of the frame path, for subaperture `i`.
     pub(crate) fn check(&self, i: usize) -> Result<(), ConfigError> {
         let check = |field, value: f64, limit| ConfigError::check(field, Some(i), value, limit);
-        let Self { slope, gains, segment, .. } = self;
+        let Self { slope, gains, segment, responses, .. } = self;
         for reference in slope.reference_q16 {
             let limit = f64::from(1u32 << 21);
             check(Field::ReferenceSlope, reference.into(), (-limit, limit))?;
@@ -381,6 +382,15 @@ impl Subaperture {
         // 1 - g and g f in Q13, 0 < g < 2.
         check(Field::ControlGain, gains.keep.into(), (-8191.0, 8191.0))?;
         check(Field::LeverArm, gains.take.into(), (1.0, f64::from(i16::MAX)))?;
-        segment.check(i)
+        segment.check(i)?;
+        for (a, response) in responses.iter().enumerate() {
+            let ends = [&segment.lowest, &segment.highest].map(|ends| ends.get(a));
+            for height in ends.into_iter().flatten() {
+                // The code's scale is 31 bits; half an LSB of a code below it is rounding.
+                let limit = (-32_768.0, f64::from(i32::MAX));
+                check(Field::Response, response.value(*height) as f64, limit)?;
+            }
+        }
+        Ok(())
     }
 }

@@ -26,11 +26,15 @@
 #![cfg_attr(not(test), no_std)]
 
 pub mod actuators;
+pub mod adjust;
+pub mod banks;
+pub mod calibration;
 pub mod centroid;
 pub mod config;
 pub mod control;
 mod dsp;
 pub mod error;
+mod excerpt;
 pub mod fixed;
 pub mod gate;
 pub mod geometry;
@@ -49,4 +53,7 @@ pub mod segments;
 pub mod slopes;
 pub mod sor;
 pub mod spec;
+pub mod store;
+pub mod strehl;
+pub mod telemetry;
 mod validate;

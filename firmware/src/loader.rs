@@ -16,6 +16,7 @@ const WORDS: usize = 64;
 enum Section {
     Prefix,
     Head,
+    Calibration,
     Rows,
     Slots,
     Subapertures,
@@ -187,6 +188,7 @@ impl Loader {
                 }
             }
             Section::Head => self.head = Some(record(entry)?),
+            Section::Calibration => bank.calibrated = record(entry)?,
             Section::Rows => {
                 if let Some(row) = self.rows.get_mut(self.index) {
                     *row = entry.try_into().map_or(0, u64::from_le_bytes);
@@ -221,7 +223,8 @@ impl Loader {
                 bank.forget();
                 self.enter(Section::Head, Form::Records(1));
             }
-            Section::Head => {
+            Section::Head => self.enter(Section::Calibration, Form::Records(1)),
+            Section::Calibration => {
                 let across = self.mask()?.across();
                 self.enter(Section::Rows, Form::Bytes(8 * across, 8));
             }

@@ -20,7 +20,6 @@
 //! | [`asking`], [`answers`] | how the main loop asks, and what is then done |
 //! | [`service`] | requests of the link |
 //! | [`byte_ring`] | bytes of the link as the DMA writes them |
-//! | [`telemetry`] | what the log says of the wavefront |
 
 #![cfg_attr(not(test), no_std)]
 
@@ -42,5 +41,4 @@ pub mod requests;
 pub mod ring;
 pub mod service;
 pub mod shape;
-pub mod telemetry;
 pub mod vitals;
