@@ -3,8 +3,8 @@
 //!
 //! | adjustment | what can change |
 //! |---|---|
-//! | `Head` | estimator, sweeps, omega, delay, slew limit, gate, saturation level, scales |
-//! | `Subaperture` | gain and lever arm, reference slope, 2 x 2 gain, flux limits, flat map, height limits, matrix, mean threshold |
+//! | `Head` | estimator, sweeps, omega, delay, slew limit, gate, limits of frame quality and ladder, saturation level, scales |
+//! | `Subaperture` | gain and lever arm, reference slope, 2 x 2 gain, flux limits, flat map, height limits, matrix, mean threshold, sub-cycle |
 //! | `Template` | one of the eight rows of the weight |
 //! | `Floors`, `Losses`, `Thresholds` | of window pixels, in the bank's order |
 //! | `Calibration` | the record of a calibration |
@@ -164,6 +164,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
                 put(self.base_thresholds.get_mut(i), entry.base_threshold);
                 put(self.slopes.get_mut(i), entry.slope);
                 self.set_gains(i, entry.gains);
+                put(self.schedule.colours.get_mut(i), entry.colour);
                 put(self.segments.get_mut(i), entry.segment);
                 put(self.responses.get_mut(i), entry.responses);
             }

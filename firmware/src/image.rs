@@ -17,10 +17,14 @@ use crate::centroid::{EstimatorConfig, MAX_WINDOW, MIN_WINDOW};
 use crate::config::{Config, Slot};
 use crate::control::{ControlConfig, Gains, MAX_DELAY};
 use crate::error::{ConfigError, Field, Limit};
-use crate::gate::GateTiming;
+use crate::gate::{GateTiming, Range, ShortFrame};
 use crate::geometry::Mask;
+use crate::ladder::LadderLimits;
 use crate::loader::Loader;
+use crate::mirror::Serials;
 use crate::pixels::Convention;
+use crate::quality::QualityLimits;
+use crate::schedule;
 use crate::segments::{ACTUATORS, RATIO_BITS, Segment, Travel};
 use crate::slopes::SlopeCalibration;
 use crate::spec::SorSpec;
@@ -114,6 +118,16 @@ pub struct Head {
     pub drive: Drive,
     /// The gate's and the frame's timing.
     pub timing: GateTiming,
+    /// The range that is gated at the start.
+    pub range: Range,
+    /// What becomes of a frame with fewer laser pulses.
+    pub short_frame: ShortFrame,
+    /// What a frame must be to be followed.
+    pub quality: QualityLimits,
+    /// When the ladder is climbed.
+    pub ladder: LadderLimits,
+    /// The mirror and the detector it is for.
+    pub serials: Serials,
     /// Optical path per height LSB, m.
     pub lsb_m: f64,
     /// Calibrated ADU per unit of flux and peak.
@@ -135,6 +149,8 @@ pub struct Subaperture {
     pub slope: SlopeCalibration,
     /// Its control coefficients.
     pub gains: Gains,
+    /// The sub-cycle that lights it.
+    pub colour: u8,
     /// Its segment's mechanics.
     pub segment: Segment,
     /// Its actuators' responses.
@@ -207,6 +223,11 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             slew_ulp: self.travel.slew_ulp,
             drive: self.drive,
             timing: self.timing,
+            range: self.range,
+            short_frame: self.short_frame,
+            quality: self.quality,
+            ladder: self.ladder,
+            serials: self.serials,
             lsb_m: self.lsb_m,
             adu_per_unit: self.adu_per_unit,
             convention: self.bank.convention,
@@ -221,6 +242,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             base_threshold: *self.base_thresholds.get(i)?,
             slope: *self.slopes.get(i)?,
             gains: *self.gains.get(self.nodes.get(i)?.place)?,
+            colour: *self.schedule.colours.get(i)?,
             segment: *self.segments.get(i)?,
             responses: *self.responses.get(i)?,
         })
@@ -283,6 +305,11 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         let gate = f64::from(timing.delay_ns) + f64::from(timing.width_ns);
         check(Field::GateEnd, gate, (0.0, timing.period_ns.into()))?;
         check(Field::PulsesPerFrame, timing.pulses_per_frame.into(), (1.0, 1e6))?;
+        let quality = head.quality;
+        check(Field::ValidMin, quality.valid_min.into(), (0.0, count as f64))?;
+        check(Field::TotalFluxMin, quality.flux_min as f64, (0.0, quality.flux_max as f64))?;
+        let hold = f64::from(head.ladder.hold_frames);
+        check(Field::HoldFrames, hold, (0.0, head.ladder.safe_frames.into()))?;
         check(Field::Stroke, head.lsb_m, (f64::MIN_POSITIVE, 1.0))?;
         check(Field::PixelGain, head.adu_per_unit, (0.25, 4.0))?;
         check(Field::Noise, head.threshold_shift.into(), (0.0, 8.0))?;
@@ -298,6 +325,11 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.tilt_max_age = head.tilt_max_age;
         self.drive = head.drive;
         self.timing = timing;
+        self.range = head.range;
+        self.short_frame = head.short_frame;
+        self.quality = quality;
+        self.ladder = head.ladder;
+        self.serials = head.serials;
         self.travel.ratio_bits = head.ratio_bits;
         self.travel.slew_ulp = head.slew_ulp;
         self.omega = head.omega;
@@ -338,10 +370,11 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
     pub(crate) fn load_subaperture(&mut self, entry: Subaperture) -> Result<(), ConfigError> {
         let i = self.slopes.len();
         entry.check(i)?;
-        let Subaperture { base_threshold, slope, gains, segment, responses } = entry;
+        let Subaperture { base_threshold, slope, gains, colour, segment, responses } = entry;
         let _ = self.base_thresholds.push(base_threshold);
         let _ = self.slopes.push(slope);
         self.set_gains(i, gains);
+        let _ = self.schedule.colours.push(colour);
         let _ = self.segments.push(segment);
         let _ = self.responses.push(responses);
         Ok(())
@@ -357,6 +390,8 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         let origins =
             heapless::Vec::<[u16; 2], M>::from_iter(self.slots.iter().map(|s| [s.x0, s.y0]));
         self.concurrent = validate::buffer::<B>(&self.estimator, self.window as u16, &origins)?;
+        schedule::check_used(self.schedule.colours.iter().copied())?;
+        self.schedule.count_colours();
         let Travel { ratio_bits, slew_ulp, .. } = self.travel;
         self.travel = Travel::new(ratio_bits, slew_ulp, &self.segments);
         let spec = SorSpec {

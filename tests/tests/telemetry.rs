@@ -54,7 +54,8 @@ fn what_a_frame_left_arrives_whole() {
     run(3, |pipeline, report| {
         ring.fill(pipeline, report, &STAMP);
         let Some(Record::Frame(found)) = ring.pop() else { panic!("the frame comes first") };
-        let squares = |slope: &Slope| slope.tilt_ulp.map(|t| i64::from(t).pow(2)).iter().sum::<i64>();
+        let squares =
+            |slope: &Slope| slope.tilt_ulp.map(|t| i64::from(t).pow(2)).iter().sum::<i64>();
         let valid = pipeline.slopes().iter().filter(|slope| slope.valid);
         assert_eq!(found.tilt_squared_ulp2, valid.map(squares).sum::<i64>() as u64);
         assert_eq!((found.report, found.cycles), (*report, STAMP.cycles));
@@ -164,7 +165,8 @@ fn the_default_fits_the_link() {
         Record::Slopes {
             frame: u32::MAX,
             first: u16::MAX,
-            items: std::iter::repeat_n(Slope { tilt_ulp: [i32::MIN; 2], valid: true }, 16).collect(),
+            items: std::iter::repeat_n(Slope { tilt_ulp: [i32::MIN; 2], valid: true }, 16)
+                .collect(),
         },
         Record::Commands {
             frame: u32::MAX,
@@ -220,7 +222,8 @@ fn the_default_fits_the_link() {
         let every = [chosen.frames, chosen.slopes, chosen.commands, chosen.codes, chosen.fluxes];
         let pieces = subapertures.div_ceil(16);
         let [slopes, commands, codes, fluxes] = widest.map(|bytes| bytes * pieces);
-        for (bytes, every) in [frame_bytes, slopes, commands, codes, fluxes].into_iter().zip(every) {
+        for (bytes, every) in [frame_bytes, slopes, commands, codes, fluxes].into_iter().zip(every)
+        {
             assert!(every > 0);
             let rate = bytes as f64 * frame_hz as f64 / f64::from(every);
             let share = f64::from(bytes_per_s) / 10.0;
