@@ -16,8 +16,11 @@
 use crate::adjust::{AdjustError, Adjustment};
 use crate::config::Config;
 use crate::image::ImageError;
+use crate::link::Reason;
 use crate::loader::Loader;
+use crate::store::{Store, StoreError, Stored};
 use core::fmt;
+use embedded_storage::nor_flash::NorFlash;
 use serde::{Deserialize, Serialize};
 
 /// Why something was not done to the other bank.
@@ -213,6 +216,22 @@ impl<'a, const M: usize, const P: usize, const B: usize> Draft<'a, M, P, B> {
             }
         });
         copied.map(|_| self.state = DraftState::Open)
+    }
+
+    /// Loads what is stored in flash.
+    ///
+    /// # Errors
+    /// As [`Store::restore`], and [`BankError::Ordered`]. Without a stored image nothing changes;
+    /// behind one that does not fit the bank is empty.
+    pub fn restore<F: NorFlash>(&mut self, store: &mut Store<F>) -> Result<Stored, Reason> {
+        self.changeable()?;
+        if store.newest_stored()?.is_none() {
+            return Err(StoreError::<F::Error>::Nothing.into());
+        }
+        self.state = DraftState::Empty;
+        let stored = store.restore(self.bank)?;
+        self.state = DraftState::Checked { hash: stored.hash };
+        Ok(stored)
     }
 
     /// Makes one change.

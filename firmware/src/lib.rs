@@ -39,6 +39,7 @@ pub mod fault;
 pub mod fixed;
 pub mod gate;
 pub mod geometry;
+pub mod identity;
 pub mod image;
 pub mod interlock;
 pub mod ladder;

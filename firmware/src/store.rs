@@ -14,6 +14,7 @@ use crate::config::Config;
 use crate::image::{CRC, ImageError};
 use core::fmt;
 use embedded_storage::nor_flash::NorFlash;
+use serde::{Deserialize, Serialize};
 
 const MAGIC: [u8; 4] = *b"SPLS";
 /// Bytes that are read and written at once: whole flash words of every device in use.
@@ -62,7 +63,7 @@ impl<E: fmt::Debug> fmt::Display for StoreError<E> {
 impl<E: fmt::Debug> core::error::Error for StoreError<E> {}
 
 /// A whole image in a slot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Stored {
     /// Counts the stores; wraps.

@@ -6,14 +6,16 @@
 //!
 //! | stream | of a frame |
 //! |---|---|
-//! | frames | report, time stamp, configuration, cycles, sum of squared tilts |
+//! | frames | report, time stamp, gate stamp, mode, configuration, cycles, sum of squared tilts |
 //! | slopes | tip and tilt, validity, of each subaperture |
 //! | commands | piston, tip and tilt of each segment after all limits |
 //! | codes | DAC codes of each segment's actuators |
 //! | fluxes | centroid, flux, peak, saturated pixels of each subaperture |
 
 use crate::centroid::Measurement;
+use crate::gate::GateStamp;
 use crate::link::{LIST, List};
+use crate::mode::Mode;
 use crate::pipeline::{Pipeline, Report};
 use crate::segments::{ACTUATORS, Position};
 use crate::slopes::Slope;
@@ -42,6 +44,10 @@ pub struct Stamp {
     pub time_ticks: u64,
     /// Hash of the configuration that it ran with.
     pub configuration: u32,
+    /// The gate that it was exposed through.
+    pub gate: GateStamp,
+    /// The mode that it ran in.
+    pub mode: Mode,
     /// What it took.
     pub cycles: Cycles,
 }
@@ -58,6 +64,10 @@ pub struct FrameRecord {
     pub configuration: u32,
     /// Sum of tip^2 + tilt^2 over the valid slopes, ulp^2: see [`strehl`].
     pub tilt_squared_ulp2: u64,
+    /// The gate that it was exposed through.
+    pub gate: GateStamp,
+    /// The mode that it ran in.
+    pub mode: Mode,
     /// What it took.
     pub cycles: Cycles,
 }
@@ -119,7 +129,7 @@ impl Record {
 }
 
 /// Most bytes on the wire of a frame's record, and of an item of each of the other streams.
-const FRAME_BYTES: u64 = 160;
+const FRAME_BYTES: u64 = 200;
 const ITEM_BYTES: [u64; STREAMS - 1] = [11, 15, 9, 21];
 /// Most bytes on the wire of a piece of a list beside its items.
 const PIECE_BYTES: u64 = 24;
@@ -228,6 +238,8 @@ impl<const R: usize> Ring<R> {
                 time_ticks: stamp.time_ticks,
                 configuration: stamp.configuration,
                 tilt_squared_ulp2: strehl::tilt_squared(pipeline.slopes()),
+                gate: stamp.gate,
+                mode: stamp.mode,
                 cycles: stamp.cycles,
             }));
         }

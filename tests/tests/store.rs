@@ -75,7 +75,7 @@ impl<const WORD: usize> ReadNorFlash for Nor<WORD> {
     const READ_SIZE: usize = 1;
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorError> {
-        check_read(self, offset, bytes.len()).map_err(NorError::Call)?;
+        check_read(&*self, offset, bytes.len()).map_err(NorError::Call)?;
         bytes.copy_from_slice(&self.bytes[offset as usize..][..bytes.len()]);
         Ok(())
     }
@@ -90,7 +90,7 @@ impl<const WORD: usize> NorFlash for Nor<WORD> {
     const ERASE_SIZE: usize = PAGE;
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), NorError> {
-        check_erase(self, from, to).map_err(NorError::Call)?;
+        check_erase(&*self, from, to).map_err(NorError::Call)?;
         for start in (from as usize..to as usize).step_by(PAGE) {
             let whole = self.step();
             for byte in &mut self.bytes[start..start + PAGE] {
@@ -105,7 +105,7 @@ impl<const WORD: usize> NorFlash for Nor<WORD> {
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorError> {
-        check_write(self, offset, bytes.len()).map_err(NorError::Call)?;
+        check_write(&*self, offset, bytes.len()).map_err(NorError::Call)?;
         for (i, word) in bytes.chunks(WORD).enumerate() {
             let start = offset as usize + i * WORD;
             let places = &self.bytes[start..start + WORD];
@@ -197,7 +197,7 @@ fn every_cut<const WORD: usize>(stride: usize) {
         for second in (first % stride..steps).step_by(stride) {
             let bytes = flash.bytes.clone();
             let rng = Rng::new(second as u64);
-            let again = Nor { bytes, steps: Some(second), taken: 0, rng };
+            let again = Nor::<WORD> { bytes, steps: Some(second), taken: 0, rng };
             let mut store = Store::new(again);
             assert!(store.store(&configs[3]).is_err());
             let mut again = store.into_inner();

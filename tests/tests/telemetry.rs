@@ -4,7 +4,9 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;
+use splash_firmware::gate::{GateStamp, Range};
 use splash_firmware::link::{List, Message, Response, WIRE, encode};
+use splash_firmware::mode::Mode;
 use splash_firmware::pipeline::{Pipeline, Report};
 use splash_firmware::segments::Position;
 use splash_firmware::slopes::Slope;
@@ -36,9 +38,18 @@ fn run(frames: u32, mut each: impl FnMut(&Pipeline<64, 0>, &Report)) -> usize {
     config.subapertures()
 }
 
+const GATE: GateStamp = GateStamp {
+    range: Range { altitude_mm: u32::MAX, depth_mm: u32::MAX, zenith_mdeg: u32::MAX },
+    delay: u32::MAX,
+    width: u32::MAX,
+    asked: u32::MAX,
+    seen: u32::MAX,
+};
 const STAMP: Stamp = Stamp {
     time_ticks: 1 << 40,
     configuration: 0xfeed_f00d,
+    gate: GATE,
+    mode: Mode::ClosedLoop,
     cycles: Cycles { rows: 1, stages: [2, 3, 4, 5, 6], latency: 7 },
 };
 
@@ -60,8 +71,8 @@ fn what_a_frame_left_arrives_whole() {
         assert_eq!(found.tilt_squared_ulp2, valid.map(squares).sum::<i64>() as u64);
         assert_eq!((found.report, found.cycles), (*report, STAMP.cycles));
         assert_eq!(
-            (found.time_ticks, found.configuration),
-            (STAMP.time_ticks, STAMP.configuration)
+            (found.time_ticks, found.configuration, found.gate, found.mode),
+            (STAMP.time_ticks, STAMP.configuration, STAMP.gate, STAMP.mode)
         );
         let (mut slopes, mut positions, mut codes, mut fluxes) =
             (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -210,6 +221,8 @@ fn the_default_fits_the_link() {
             time_ticks: u64::MAX,
             configuration: u32::MAX,
             tilt_squared_ulp2: u64::MAX,
+            gate: GATE,
+            mode: Mode::TestPattern,
             cycles: Cycles { rows: u32::MAX, stages: [u32::MAX; 5], latency: u32::MAX },
         }));
     });

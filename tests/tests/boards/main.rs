@@ -2,6 +2,7 @@
 //! boards themselves, which give the codes of the library in this process.
 
 mod emulated;
+mod parameters;
 mod processes;
 mod server;
 
