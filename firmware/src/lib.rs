@@ -29,6 +29,7 @@ pub mod actuators;
 pub mod centroid;
 pub mod config;
 pub mod control;
+pub mod controller;
 mod dsp;
 pub mod error;
 pub mod fault;
