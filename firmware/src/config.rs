@@ -320,6 +320,15 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         }
     }
 
+    /// Whether a position of a segment means the same codes in both.
+    pub(crate) fn same_mechanics(&self, other: &Self) -> bool {
+        self.segments == other.segments
+            && self.responses == other.responses
+            && self.drive == other.drive
+            && self.travel == other.travel
+            && self.lsb_m == other.lsb_m
+    }
+
     /// Subapertures in use, in mask order.
     #[must_use]
     pub fn subapertures(&self) -> usize {

@@ -232,6 +232,13 @@ impl<const M: usize> Control<M> {
         }
     }
 
+    /// The mirror has shown this for as long as matters.
+    pub(crate) fn fill_past(&mut self, shown: impl Iterator<Item = [i32; 2]> + Clone) {
+        for frame in &mut self.applied {
+            frame.iter_mut().zip(shown.clone()).for_each(|(place, tilt)| *place = tilt);
+        }
+    }
+
     /// Records that the mirror keeps what it shows.
     pub(crate) fn hold(&mut self) {
         let shown = self.newest;

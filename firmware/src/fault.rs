@@ -191,8 +191,13 @@ impl Faults {
 
     /// Books a fault.
     pub fn book(&mut self, fault: Fault, at: Moment) {
+        self.book_times(fault, 1, at);
+    }
+
+    /// Books a fault that was there so many times at once: one record.
+    pub fn book_times(&mut self, fault: Fault, times: u32, at: Moment) {
         if let Some(count) = self.counts.get_mut(fault.kind()) {
-            *count = count.saturating_add(1);
+            *count = count.saturating_add(times);
         }
         self.last.write(Record { fault, at });
     }

@@ -362,10 +362,15 @@ impl Gate {
         let Setting { range, ticks, asked } = self.running;
         let stamp = GateStamp { range, delay: ticks.delay, width: ticks.width, asked, seen };
         self.missed = self.missed.saturating_add(stamp.missed());
+        self.boundary();
+        stamp
+    }
+
+    /// A frame boundary without a frame: what was asked for runs from now on.
+    pub fn boundary(&mut self) {
         if let Some(pending) = self.pending.take() {
             self.running = pending;
         }
-        stamp
     }
 
     /// What the board's timer must be set to for the frames from now on.

@@ -76,7 +76,12 @@ impl Ladder {
 
     /// A frame that cannot be followed, or did not come.
     pub fn bad_frame(&mut self, limits: &LadderLimits) -> Rung {
-        self.bad = self.bad.saturating_add(1);
+        self.bad_frames(1, limits)
+    }
+
+    /// So many of them at once.
+    pub fn bad_frames(&mut self, frames: u16, limits: &LadderLimits) -> Rung {
+        self.bad = self.bad.saturating_add(frames);
         // With the largest n2 the count could not get beyond it.
         let given_up = self.bad > limits.safe_frames || self.bad == u16::MAX;
         if given_up {

@@ -32,6 +32,7 @@ pub mod calibration;
 pub mod centroid;
 pub mod config;
 pub mod control;
+pub mod controller;
 mod dsp;
 pub mod error;
 mod excerpt;

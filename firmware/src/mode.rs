@@ -226,10 +226,15 @@ impl Modes {
         self.last.oldest_ordered()
     }
 
-    /// Transitions that were refused; saturates.
+    /// Requests that were refused, of transitions and others; saturates.
     #[must_use]
     pub const fn refused(&self) -> u32 {
         self.refused
+    }
+
+    /// Counts a refused request.
+    pub fn refuse(&mut self) {
+        self.refused = self.refused.saturating_add(1);
     }
 
     /// Enters `to` at the operator's request.
@@ -240,7 +245,7 @@ impl Modes {
         let allowed = allowed(self.mode, to, have);
         match allowed {
             Ok(()) => self.go(to, Reason::Operator, at),
-            Err(_) => self.refused = self.refused.saturating_add(1),
+            Err(_) => self.refuse(),
         }
         allowed
     }

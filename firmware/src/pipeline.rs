@@ -115,7 +115,9 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         }
     }
 
-    /// Opens the loop: forgets every frame, and sets the codes of the flat mirror.
+    /// Opens the loop: forgets every frame, and sets the codes of the flat mirror at once, without the
+    /// slew limit: for a start, a simulated mirror, or one whose drive is off. A mirror that is driven is
+    /// ramped to the flat map by [`Controller`](crate::controller::Controller).
     pub fn reset<const P: usize>(&mut self, config: &Config<M, P, B>) {
         self.phase = Phase::Idle;
         self.extra_rows = 0;
@@ -127,13 +129,18 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
 
     /// Forgets what frames have left in the loop, and sets the codes of the flat mirror.
     fn flatten<const P: usize>(&mut self, config: &Config<M, P, B>) {
+        self.forget(config);
+        self.mirror.cold_start(config);
+    }
+
+    /// Forgets what frames have left in the loop.
+    fn forget<const P: usize>(&mut self, config: &Config<M, P, B>) {
         self.warm = false;
         self.readout.reset(config.window);
         self.control.reset();
         self.sor.reset();
         self.slopes.as_flattened_mut().fill(Slope::default());
         self.commands.fill([0; 2]);
-        self.mirror.cold_start(config);
     }
 
     /// Starts frame `frame`. An unfinished one is dropped and counted.
@@ -349,11 +356,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         self.total(hold);
         step(&mut self.mirror);
         self.control.record(self.mirror.positions().iter().map(|position| position.tilt_ulp));
-        let shown = config.nodes.iter().zip(self.mirror.positions());
-        for ((node, position), command) in shown.zip(&mut self.commands) {
-            self.control.adopt(node.place, position.tilt_ulp);
-            *command = position.tilt_ulp;
-        }
+        self.show(config);
         if cold && self.warm {
             self.warm = false;
             self.sor.reset();
@@ -379,14 +382,23 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         config.schedule.colours.iter().filter(|&&colour| colour == self.colour).count()
     }
 
-    /// Forgets what frames have left, and leaves the mirror where it is.
-    pub(crate) fn forget<const P: usize>(&mut self, config: &Config<M, P, B>) {
+    /// Takes over a configuration of the same mask with another mirror: the codes stay, and all that
+    /// frames have left is forgotten but what the mirror shows.
+    pub(crate) fn adopt<const P: usize>(&mut self, config: &Config<M, P, B>) {
         self.phase = Phase::Idle;
-        self.warm = false;
-        self.readout.reset(config.window);
-        self.control.reset();
-        self.sor.reset();
-        self.slopes.as_flattened_mut().fill(Slope::default());
+        self.forget(config);
+        self.mirror.adopt(config);
+        self.control.fill_past(self.mirror.positions().iter().map(|position| position.tilt_ulp));
+        self.show(config);
+    }
+
+    /// Commands become what the mirror shows.
+    fn show<const P: usize>(&mut self, config: &Config<M, P, B>) {
+        let shown = config.nodes.iter().zip(self.mirror.positions());
+        for ((node, position), command) in shown.zip(&mut self.commands) {
+            self.control.adopt(node.place, position.tilt_ulp);
+            *command = position.tilt_ulp;
+        }
     }
 
     fn reason_to_hold<const P: usize>(&self, config: &Config<M, P, B>) -> Option<Hold> {

@@ -38,8 +38,10 @@ impl QualityLimits {
     pub const NONE: Self =
         Self { valid_min: 0, flux_min: 0, flux_max: u64::MAX, saturated_pixels_max: u32::MAX };
 
-    /// Refuses what must not be reconstructed; the frame had `seen` of `asked` pulses, and the flux that
-    /// is asked of it is in their proportion (rounded down).
+    /// Refuses what must not be reconstructed. `lit` of all subapertures were lit, and as many
+    /// valid ones are asked for, rounded up; the frame had `seen` of `asked` pulses, and the flux that is
+    /// asked of it is in their proportion, rounded down. A window that was not lit counts with the flux that
+    /// it last had.
     ///
     /// # Errors
     /// The fault.
@@ -47,11 +49,15 @@ impl QualityLimits {
         &self,
         report: &Report,
         measurements: &[Measurement],
+        lit: usize,
         [seen, asked]: [u32; 2],
     ) -> Result<(), Fault> {
         let Self { valid_min, flux_min, flux_max, saturated_pixels_max } = *self;
-        if report.valid < valid_min {
-            return Err(Fault::TooFewValid { valid: report.valid, least: valid_min });
+        let all = measurements.len().max(1);
+        // Both below 2^11.
+        let least = (usize::from(valid_min) * lit).div_ceil(all) as u16;
+        if report.valid < least {
+            return Err(Fault::TooFewValid { valid: report.valid, least });
         }
         let add = |sum: u64, m: &Measurement| sum.wrapping_add(m.flux.into());
         let flux = measurements.iter().fold(0, add);
@@ -131,14 +137,16 @@ mod tests {
         }
     }
 
-    fn fluxes(total: u32) -> [Measurement; 4] {
-        [total / 2, total - total / 2, 0, 0].map(|flux| Measurement { flux, ..Default::default() })
+    fn fluxes(total: u32) -> [Measurement; 52] {
+        let mut all = [Measurement::default(); 52];
+        (all[0].flux, all[51].flux) = (total / 2, total - total / 2);
+        all
     }
 
     #[test]
     fn a_frame_passes_up_to_each_limit_and_fails_beyond() {
         let check =
-            |valid, pixels, flux| LIMITS.check(&report(valid, pixels), &fluxes(flux), WHOLE);
+            |valid, pixels, flux| LIMITS.check(&report(valid, pixels), &fluxes(flux), 52, WHOLE);
         for (valid, pixels, flux) in [(40, 3, 1000), (52, 0, 5000), (40, 0, 3000)] {
             assert_eq!(check(valid, pixels, flux), Ok(()));
         }
@@ -150,18 +158,26 @@ mod tests {
 
     #[test]
     fn missing_pulses_ask_for_less_light() {
-        let check = |flux, seen| LIMITS.check(&report(52, 0), &fluxes(flux), [seen, 10]);
+        let check = |flux, seen| LIMITS.check(&report(52, 0), &fluxes(flux), 52, [seen, 10]);
         assert_eq!(check(700, 7), Ok(()));
         assert_eq!(check(699, 7), Err(Fault::TotalFlux { flux: 699, limit: 700 }));
         assert_eq!(check(3501, 7), Err(Fault::TotalFlux { flux: 3501, limit: 3500 }));
         assert_eq!(check(5000, 12), Ok(()), "more than asked changes nothing");
     }
 
+    /// 40 of 52, and of 13 that are lit 10.
+    #[test]
+    fn a_sub_cycle_is_asked_for_its_share() {
+        let check = |valid| LIMITS.check(&report(valid, 0), &fluxes(3000), 13, WHOLE);
+        assert_eq!(check(10), Ok(()));
+        assert_eq!(check(9), Err(Fault::TooFewValid { valid: 9, least: 10 }));
+    }
+
     #[test]
     fn without_limits_everything_passes() {
         let bright = [Measurement { flux: u32::MAX, ..Default::default() }; 1600];
-        assert_eq!(QualityLimits::NONE.check(&report(0, u32::MAX), &bright, WHOLE), Ok(()));
-        assert_eq!(QualityLimits::NONE.check(&report(0, 0), &[], WHOLE), Ok(()));
+        assert_eq!(QualityLimits::NONE.check(&report(0, u32::MAX), &bright, 1600, WHOLE), Ok(()));
+        assert_eq!(QualityLimits::NONE.check(&report(0, 0), &[], 0, WHOLE), Ok(()));
     }
 
     #[test]

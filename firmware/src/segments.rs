@@ -86,6 +86,18 @@ pub struct Position {
     pub tilt_ulp: [i32; 2],
 }
 
+impl Position {
+    /// Within the formats: a piston that is a target's (see the module), and tilts within +-2^23.
+    #[must_use]
+    pub(crate) fn bounded(self) -> Self {
+        let within = |x: i32, limit: i32| x.max(-limit).min(limit);
+        Self {
+            piston_ulp: within(self.piston_ulp, 1 << 29),
+            tilt_ulp: self.tilt_ulp.map(|tilt| within(tilt, TILT_LIMIT)),
+        }
+    }
+}
+
 /// What limited a segment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Limited {

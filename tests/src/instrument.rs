@@ -86,6 +86,8 @@ pub struct Instrument {
     pub gate: GateSpec,
     /// The colour of each subaperture; all are lit together where there are none.
     pub colours: Vec<u8>,
+    /// Of more weight than `colours`.
+    pub lattice: Option<[u8; 3]>,
     pub separation: f64,
     pub safety: SafetySpec,
     pub serials: Serials,
@@ -143,6 +145,7 @@ impl Instrument {
                 short_frame: ShortFrame::Mark,
             },
             colours: Vec::new(),
+            lattice: None,
             separation: 0.0,
             safety: SafetySpec::default(),
             serials: Serials::default(),
@@ -213,9 +216,10 @@ impl Instrument {
             },
             gate: self.gate,
             schedule: ScheduleSpec {
-                colouring: match self.colours.as_slice() {
-                    [] => Colouring::None,
-                    colours => Colouring::List(colours),
+                colouring: match (self.lattice, self.colours.as_slice()) {
+                    (Some(lattice), _) => Colouring::Lattice(lattice),
+                    (None, []) => Colouring::None,
+                    (None, colours) => Colouring::List(colours),
                 },
                 separation: self.separation,
             },

@@ -322,6 +322,9 @@ fn schedule() -> Vec<Case> {
         case(Field::Colours, 15.0, |s| colours(s, &[0; SUBAPERTURES - 1])),
         case(Field::Colours, 1.0, |s| colours(s, &gap)),
         case(Field::Colours, 64.0, |s| colours(s, &many)).at(5),
+        case(Field::Lattice, 0.0, |s| s.lattice = Some([0, 1, 2])).at(0),
+        case(Field::Lattice, 0.0, |s| s.lattice = Some([2, 1, 0])).at(2),
+        case(Field::Colours, 72.0, |s| s.lattice = Some([9, 1, 8])),
         case(Field::Separation, 1.0, |s| {
             colours(s, &[0; SUBAPERTURES]);
             s.separation = 1.5;
