@@ -10,7 +10,8 @@
 //! ```
 //!
 //! Nothing that is done to the other bank can touch the running one: a [`Draft`] has no access to it.
-//! Behind an exchange the bank that ran before is `Open`: checked and switched to, it runs again.
+//! The loop may refuse the exchange ([`crate::controller::Controller::exchange`]); the bank is then checked
+//! as it was. Behind an exchange the bank that ran before is `Open`: checked and switched to, it runs again.
 //! What is refused says why; a refused adjustment changes nothing, a refused image leaves `Empty`.
 
 use crate::adjust::{AdjustError, Adjustment};
@@ -18,6 +19,7 @@ use crate::config::Config;
 use crate::image::ImageError;
 use crate::link::Reason;
 use crate::loader::Loader;
+use crate::mode::Refusal;
 use crate::store::{Store, StoreError, Stored};
 use core::fmt;
 use embedded_storage::nor_flash::NorFlash;
@@ -294,14 +296,24 @@ impl<'a, const M: usize, const P: usize, const B: usize> Draft<'a, M, P, B> {
         self.state = DraftState::Empty;
     }
 
-    /// At a frame's boundary: gives the bank that was ordered to run for the one that ran. `None` if
-    /// none was ordered.
-    pub fn exchange(&mut self, running: &mut &'a mut Config<M, P, B>) -> Option<Switched> {
+    /// At a frame's boundary: gives the bank that was ordered to run for the one that ran, if `admit`
+    /// lets the second of the two follow on the first. `None` if none was ordered.
+    ///
+    /// # Errors
+    /// What `admit` says; the banks stay as they are, and this one is checked.
+    pub fn exchange(
+        &mut self,
+        running: &mut &'a mut Config<M, P, B>,
+        admit: impl FnOnce(&Config<M, P, B>, &Config<M, P, B>) -> Result<(), Refusal>,
+    ) -> Option<Result<u32, Refusal>> {
         let DraftState::Ordered { hash } = self.state else { return None };
-        let restart = !self.bank.continues(running);
+        if let Err(refusal) = admit(running, self.bank) {
+            self.state = DraftState::Checked { hash };
+            return Some(Err(refusal));
+        }
         core::mem::swap(&mut self.bank, running);
         self.state = state_of(self.bank);
-        Some(Switched { hash, restart })
+        Some(Ok(hash))
     }
 }
 
@@ -309,20 +321,11 @@ fn state_of<const M: usize, const P: usize, const B: usize>(bank: &Config<M, P, 
     if bank.mask.is_some() { DraftState::Open } else { DraftState::Empty }
 }
 
-/// What an exchange of the banks means.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Switched {
-    /// Hash of what now runs.
-    pub hash: u32,
-    /// Whether the loop must start from the flat mirror: mask, windows or mirror are others.
-    pub restart: bool,
-}
-
 /// Both banks.
 pub struct Banks<'a, const M: usize, const P: usize, const B: usize> {
     running: &'a mut Config<M, P, B>,
     hash: u32,
+    refused: Option<Refusal>,
     /// The other bank.
     pub draft: Draft<'a, M, P, B>,
 }
@@ -331,7 +334,7 @@ impl<'a, const M: usize, const P: usize, const B: usize> Banks<'a, M, P, B> {
     /// `running` runs; what is in `other` may be checked and switched to.
     pub fn new(running: &'a mut Config<M, P, B>, other: &'a mut Config<M, P, B>) -> Self {
         let hash = running.hash();
-        Self { running, hash, draft: Draft::new(other) }
+        Self { running, hash, refused: None, draft: Draft::new(other) }
     }
 
     /// What runs.
@@ -354,11 +357,22 @@ impl<'a, const M: usize, const P: usize, const B: usize> Banks<'a, M, P, B> {
         self.draft.copy(self.running)
     }
 
-    /// Between two frames: has the other bank run if that was ordered.
-    pub fn frame_boundary(&mut self) -> Option<Switched> {
-        let switched = self.draft.exchange(&mut self.running)?;
-        self.hash = switched.hash;
-        Some(switched)
+    /// Why the last exchange that was due did not come to be; `None` if it did.
+    #[must_use]
+    pub const fn refused(&self) -> Option<Refusal> {
+        self.refused
+    }
+
+    /// Between two frames: has the other bank run if that was ordered and `admit` lets it follow on
+    /// what runs. Returns its hash, or what `admit` says; `None` if nothing was ordered.
+    pub fn frame_boundary(
+        &mut self,
+        admit: impl FnOnce(&Config<M, P, B>, &Config<M, P, B>) -> Result<(), Refusal>,
+    ) -> Option<Result<u32, Refusal>> {
+        let exchanged = self.draft.exchange(&mut self.running, admit)?;
+        self.refused = exchanged.err();
+        self.hash = exchanged.unwrap_or(self.hash);
+        Some(exchanged)
     }
 }
 
@@ -374,14 +388,10 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.settle(&mask)
     }
 
-    /// Whether a loop can go on from `before` to this: the same subapertures, windows of the same
-    /// size, the same mirror with the same flat map and limits.
-    fn continues(&self, before: &Self) -> bool {
-        let scale = |config: &Self| (config.lsb_m.to_bits(), config.window, config.drive);
-        self.mask == before.mask
-            && scale(self) == scale(before)
-            && self.travel.ratio_bits == before.travel.ratio_bits
-            && self.segments == before.segments
-            && self.responses == before.responses
+    /// Whether frames can go on from `before` to this without a reset: the same subapertures, windows
+    /// of the same size, the same mirror with the same flat map and limits.
+    #[must_use]
+    pub fn continues(&self, before: &Self) -> bool {
+        self.mask == before.mask && self.window == before.window && self.same_mechanics(before)
     }
 }

@@ -14,7 +14,7 @@ mod message;
 
 pub use frame::{LinkError, Message, Receiver, WIRE, encode};
 pub use message::{
-    Counters, Identity, LIST, List, PIECE, Reason, Request, Response, Stack, Status,
+    Counters, HISTORY, Identity, LIST, List, PIECE, Reason, Request, Response, Stack, Status,
 };
 
 /// Version of the framing and of the messages.

@@ -6,17 +6,16 @@
 //!
 //! | stream | of a frame |
 //! |---|---|
-//! | frames | report, time stamp, gate stamp, mode, configuration, cycles, sum of squared tilts |
+//! | frames | report, residual, mode, fault, time stamp, gate stamp, configuration, cycles, sum of squared tilts |
 //! | slopes | tip and tilt, validity, of each subaperture |
 //! | commands | piston, tip and tilt of each segment after all limits |
 //! | codes | DAC codes of each segment's actuators |
 //! | fluxes | centroid, flux, peak, saturated pixels of each subaperture |
 
 use crate::centroid::Measurement;
-use crate::gate::GateStamp;
+use crate::controller::FrameResult;
 use crate::link::{LIST, List};
-use crate::mode::Mode;
-use crate::pipeline::{Pipeline, Report};
+use crate::pipeline::Pipeline;
 use crate::segments::{ACTUATORS, Position};
 use crate::slopes::Slope;
 use crate::strehl;
@@ -37,17 +36,11 @@ pub struct Cycles {
     pub latency: u32,
 }
 
-/// What the loop knows of a frame beside what the pipeline does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What a board knows of a frame beside what the controller does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stamp {
-    /// When the frame began, ticks of the board's clock.
-    pub time_ticks: u64,
     /// Hash of the configuration that it ran with.
     pub configuration: u32,
-    /// The gate that it was exposed through.
-    pub gate: GateStamp,
-    /// The mode that it ran in.
-    pub mode: Mode,
     /// What it took.
     pub cycles: Cycles,
 }
@@ -56,18 +49,12 @@ pub struct Stamp {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FrameRecord {
-    /// What the pipeline says.
-    pub report: Report,
-    /// When it began, ticks of the board's clock.
-    pub time_ticks: u64,
+    /// What became of it: with its number, time stamp, gate stamp and mode.
+    pub result: FrameResult,
     /// Hash of the configuration that it ran with.
     pub configuration: u32,
     /// Sum of tip^2 + tilt^2 over the valid slopes, ulp^2: see [`strehl`].
     pub tilt_squared_ulp2: u64,
-    /// The gate that it was exposed through.
-    pub gate: GateStamp,
-    /// The mode that it ran in.
-    pub mode: Mode,
     /// What it took.
     pub cycles: Cycles,
 }
@@ -129,7 +116,7 @@ impl Record {
 }
 
 /// Most bytes on the wire of a frame's record, and of an item of each of the other streams.
-const FRAME_BYTES: u64 = 200;
+const FRAME_BYTES: u64 = 240;
 const ITEM_BYTES: [u64; STREAMS - 1] = [11, 15, 9, 21];
 /// Most bytes on the wire of a piece of a list beside its items.
 const PIECE_BYTES: u64 = 24;
@@ -226,20 +213,17 @@ impl<const R: usize> Ring<R> {
     pub fn fill<const M: usize, const B: usize>(
         &mut self,
         pipeline: &Pipeline<M, B>,
-        report: &Report,
+        result: &FrameResult,
         stamp: &Stamp,
     ) {
-        let frame = report.frame;
+        let frame = result.report.frame;
         let Decimation { frames, slopes, commands, codes, fluxes } = self.decimation;
         let due = |every: u32| every != 0 && frame.is_multiple_of(every);
         if due(frames) {
             self.push(Record::Frame(FrameRecord {
-                report: *report,
-                time_ticks: stamp.time_ticks,
+                result: *result,
                 configuration: stamp.configuration,
                 tilt_squared_ulp2: strehl::tilt_squared(pipeline.slopes()),
-                gate: stamp.gate,
-                mode: stamp.mode,
                 cycles: stamp.cycles,
             }));
         }

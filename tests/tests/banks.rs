@@ -9,6 +9,7 @@ use splash_firmware::config::Config;
 use splash_firmware::error::Field;
 use splash_firmware::geometry::Mask;
 use splash_firmware::image::ImageError;
+use splash_firmware::mode::Refusal;
 use splash_firmware::spec::Estimator;
 use splash_tests::instrument::{Instrument, Values};
 use std::collections::{HashSet, VecDeque};
@@ -77,9 +78,11 @@ enum Action {
     Switch,
     Discard,
     Boundary,
+    /// A boundary at which the loop does not take what was ordered.
+    Refused,
 }
 
-const ACTIONS: [Action; 12] = [
+const ACTIONS: [Action; 13] = [
     Action::Begin(0),
     Action::Begin(1),
     Action::Next,
@@ -92,6 +95,7 @@ const ACTIONS: [Action; 12] = [
     Action::Switch,
     Action::Discard,
     Action::Boundary,
+    Action::Refused,
 ];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -123,7 +127,8 @@ impl Model {
                 let other = self.running.map_or(Empty, Open);
                 (Self { running: Some(next), other }, false)
             }
-            (Action::Boundary, _) => kept,
+            (Action::Refused, Ordered(next)) => to(Checked(next)),
+            (Action::Boundary | Action::Refused, _) => kept,
             (
                 Action::Begin(_) | Action::Copy | Action::Adjust | Action::AdjustBadly,
                 Ordered(_),
@@ -186,14 +191,24 @@ fn apply(
             banks.draft.discard();
             Ok(())
         }
+        Action::Refused => {
+            let refused = banks.frame_boundary(|_, _| Err(Refusal::NotFlat));
+            let due = matches!(model.other, Other::Ordered(_));
+            assert_eq!(refused, due.then_some(Err(Refusal::NotFlat)));
+            Ok(())
+        }
         Action::Boundary => {
             let before = image(banks.running());
-            let switched = banks.frame_boundary();
+            let mut continues = None;
+            let switched = banks.frame_boundary(|before, next| {
+                continues = Some(next.continues(before));
+                Ok(())
+            });
             assert_eq!(switched.is_some(), matches!(model.other, Other::Ordered(_)));
             if let (Some(switched), Other::Ordered(next)) = (switched, model.other) {
-                assert_eq!(switched.hash, library.hash(Some(next)));
+                assert_eq!(switched, Ok(library.hash(Some(next))));
                 let same_mask = model.running.is_some_and(|running| running.mask == next.mask);
-                assert_eq!(switched.restart, !same_mask, "another mask starts from flat");
+                assert_eq!(continues, Some(same_mask), "another mask starts from flat");
             } else {
                 assert!(image(banks.running()) == before);
             }
@@ -335,8 +350,13 @@ fn adjustments_reach_every_configuration_of_the_same_geometry() {
     assert_eq!(hash, target.hash());
     banks.draft.switch().expect("checked");
     assert!(image(banks.running()) == image(&big(&base)), "until the frame's boundary");
-    let switched = banks.frame_boundary().expect("ordered");
-    assert!(switched.restart, "another flat map");
+    let mut continues = true;
+    let switched = banks.frame_boundary(|before, next| {
+        continues = next.continues(before);
+        Ok(())
+    });
+    assert_eq!(switched, Some(Ok(hash)));
+    assert!(!continues, "another flat map");
     assert!(image(banks.running()) == image(&target));
 }
 
@@ -512,7 +532,7 @@ proptest! {
         let sent: Result<(), BankError> = upload(&mut banks, first, &Harm::None);
         sent.expect("unharmed");
         banks.draft.switch().expect("checked");
-        banks.frame_boundary().expect("ordered");
+        banks.frame_boundary(|_, _| Ok(())).expect("ordered").expect("admitted");
 
         let harmed = upload(&mut banks, second, &harm);
         prop_assert!(image(banks.running()) == library.image(Some(first)));
@@ -529,7 +549,7 @@ proptest! {
 
         upload(&mut banks, second, &Harm::None).expect("unharmed");
         banks.draft.switch().expect("checked");
-        banks.frame_boundary().expect("ordered");
+        banks.frame_boundary(|_, _| Ok(())).expect("ordered").expect("admitted");
         prop_assert!(image(banks.running()) == library.image(Some(second)));
     }
 }

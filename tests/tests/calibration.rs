@@ -24,7 +24,7 @@ fn with_calibration_of(instrument: &Instrument, calibrated: &Instrument) -> Box<
     banks.draft.adjust(&from.value(record).expect("it has one")).expect("a record");
     banks.draft.check().expect("valid");
     banks.draft.switch().expect("checked");
-    banks.frame_boundary().expect("ordered");
+    banks.frame_boundary(|_, _| Ok(())).expect("ordered").expect("admitted");
     running
 }
 

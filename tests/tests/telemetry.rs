@@ -4,7 +4,10 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;
+use splash_firmware::controller::FrameResult;
+use splash_firmware::fault::{Fault, Moment};
 use splash_firmware::gate::{GateStamp, Range};
+use splash_firmware::ladder::Rung;
 use splash_firmware::link::{List, Message, Response, WIRE, encode};
 use splash_firmware::mode::Mode;
 use splash_firmware::pipeline::{Pipeline, Report};
@@ -46,12 +49,22 @@ const GATE: GateStamp = GateStamp {
     seen: u32::MAX,
 };
 const STAMP: Stamp = Stamp {
-    time_ticks: 1 << 40,
     configuration: 0xfeed_f00d,
-    gate: GATE,
-    mode: Mode::ClosedLoop,
     cycles: Cycles { rows: 1, stages: [2, 3, 4, 5, 6], latency: 7 },
 };
+
+/// What a controller would say of it.
+fn result(report: &Report) -> FrameResult {
+    let at = Moment { frame: report.frame, ticks: 1 << 40 };
+    FrameResult {
+        report: *report,
+        mode: Mode::ClosedLoop,
+        rung: Some(Rung::GiveUp(Fault::TotalFlux { flux: u64::MAX, limit: u64::MAX })),
+        fault: Some(Fault::TotalFlux { flux: u64::MAX, limit: u64::MAX }),
+        gate: GATE,
+        at,
+    }
+}
 
 fn put<T: Copy>(all: &mut Vec<T>, first: u16, items: &List<T>) {
     assert_eq!(usize::from(first), all.len());
@@ -63,17 +76,14 @@ fn what_a_frame_left_arrives_whole() {
     let mut ring = Box::new(Ring::<64>::new());
     ring.subscribe(ALL);
     run(3, |pipeline, report| {
-        ring.fill(pipeline, report, &STAMP);
+        ring.fill(pipeline, &result(report), &STAMP);
         let Some(Record::Frame(found)) = ring.pop() else { panic!("the frame comes first") };
         let squares =
             |slope: &Slope| slope.tilt_ulp.map(|t| i64::from(t).pow(2)).iter().sum::<i64>();
         let valid = pipeline.slopes().iter().filter(|slope| slope.valid);
         assert_eq!(found.tilt_squared_ulp2, valid.map(squares).sum::<i64>() as u64);
-        assert_eq!((found.report, found.cycles), (*report, STAMP.cycles));
-        assert_eq!(
-            (found.time_ticks, found.configuration, found.gate, found.mode),
-            (STAMP.time_ticks, STAMP.configuration, STAMP.gate, STAMP.mode)
-        );
+        assert_eq!((found.result, found.cycles), (result(report), STAMP.cycles));
+        assert_eq!(found.configuration, STAMP.configuration);
         let (mut slopes, mut positions, mut codes, mut fluxes) =
             (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         while let Some(record) = ring.pop() {
@@ -113,10 +123,10 @@ fn streams_come_every_so_many_frames() {
     let decimation = Decimation { frames: 1, slopes: 2, commands: 0, codes: 3, fluxes: 0 };
     run(7, |pipeline, report| {
         ring.subscribe(Decimation::OFF);
-        ring.fill(pipeline, report, &STAMP);
+        ring.fill(pipeline, &result(report), &STAMP);
         assert_eq!(ring.pop(), None);
         ring.subscribe(decimation);
-        ring.fill(pipeline, report, &STAMP);
+        ring.fill(pipeline, &result(report), &STAMP);
         let mut pieces = [0; STREAMS];
         while let Some(record) = ring.pop() {
             let stream = match record {
@@ -150,8 +160,8 @@ proptest! {
         let mut dropped = 0;
         let mut pops = pops.into_iter();
         run(12, |pipeline, report| {
-            ring.fill(pipeline, report, &STAMP);
-            endless.fill(pipeline, report, &STAMP);
+            ring.fill(pipeline, &result(report), &STAMP);
+            endless.fill(pipeline, &result(report), &STAMP);
             while let Some(record) = endless.pop() {
                 expected.push_back(record);
                 if expected.len() > ROOM {
@@ -217,12 +227,12 @@ fn the_default_fits_the_link() {
         (report.valid, report.extra_rows) = (u16::MAX, u16::MAX);
         (report.saturated_actuators, report.slewed_actuators) = (u16::MAX, u16::MAX);
         frame_bytes = wire(Record::Frame(FrameRecord {
-            report,
-            time_ticks: u64::MAX,
+            result: FrameResult {
+                at: Moment { frame: u32::MAX, ticks: u64::MAX },
+                ..result(&report)
+            },
             configuration: u32::MAX,
             tilt_squared_ulp2: u64::MAX,
-            gate: GATE,
-            mode: Mode::TestPattern,
             cycles: Cycles { rows: u32::MAX, stages: [u32::MAX; 5], latency: u32::MAX },
         }));
     });

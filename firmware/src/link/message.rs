@@ -4,9 +4,10 @@ use crate::adjust::{AdjustError, Adjustment, Parameter};
 use crate::banks::{BankError, DraftState};
 use crate::calibration::{Calibration, Uncalibrated};
 use crate::centroid::Measurement;
+use crate::controller::Command;
 use crate::error::{ConfigError, Field, Limit};
 use crate::fault::{KINDS, Moment, Record as FaultRecord};
-use crate::gate::{GateStamp, Range};
+use crate::gate::GateStamp;
 use crate::image::ImageError;
 use crate::interlock::Outputs;
 use crate::mirror::Serials;
@@ -24,6 +25,9 @@ pub const LIST: usize = 16;
 
 /// Bytes in a piece of an image.
 pub const PIECE: usize = 256;
+
+/// Entries in a piece of a history.
+pub const HISTORY: usize = 8;
 
 /// A piece of a list.
 pub type List<T> = heapless::Vec<T, LIST>;
@@ -127,27 +131,11 @@ pub enum Request {
     Counters,
     /// The last faults. Answered by [`Response::Faults`], and [`Response::Ready`] behind them.
     Faults,
-    /// Counts faults from zero again. Answered by [`Response::Ready`].
-    ClearFaults,
     /// The last transitions between modes. Answered by [`Response::Transitions`], and
     /// [`Response::Ready`] behind them.
     Transitions,
-    /// Another mode. Answered by [`Response::Ready`].
-    Enter(Mode),
-    /// Asks for high voltage and laser. Answered by [`Response::Ready`].
-    Arm,
-    /// Gives laser and high voltage up. Answered by [`Response::Ready`].
-    Disarm,
-    /// Sends a segment somewhere, in the modes for calibration and test patterns. Answered by
-    /// [`Response::Ready`].
-    Poke {
-        /// Its subaperture.
-        subaperture: u16,
-        /// Where to.
-        position: Position,
-    },
-    /// Another range to gate, from the next frame on. Answered by [`Response::Ready`].
-    Gate(Range),
+    /// What an operator asks of the controller. Answered by [`Response::Ready`].
+    Command(Command),
 }
 
 /// What a board answers.
@@ -226,14 +214,14 @@ pub enum Response {
         /// Place of the first.
         first: u16,
         /// With when they were.
-        items: List<FaultRecord>,
+        items: heapless::Vec<FaultRecord, HISTORY>,
     },
     /// The last transitions between modes, oldest first.
     Transitions {
         /// Place of the first.
         first: u16,
         /// With why and when they were.
-        items: List<Transition>,
+        items: heapless::Vec<Transition, HISTORY>,
     },
 }
 
@@ -248,6 +236,8 @@ pub struct Status {
     pub serials: Serials,
     /// What is in the other bank.
     pub draft: DraftState,
+    /// Why it does not run although it was to.
+    pub draft_refused: Option<Refusal>,
     /// The mode.
     pub mode: Mode,
     /// What the interlock lets on.
@@ -272,7 +262,7 @@ pub struct Counters {
     pub faults: [u32; KINDS],
     /// Transitions between modes that were refused.
     pub refused_transitions: u32,
-    /// Bytes on the link that were no message.
+    /// Frames on the link that were no message.
     pub unreadable_messages: u32,
 }
 

@@ -13,9 +13,8 @@
 use splash_firmware::banks::Banks;
 use splash_firmware::config::Config;
 use splash_firmware::link::Stack;
-use splash_firmware::pipeline::Pipeline;
 use splash_firmware::telemetry::Ring;
-use splash_server::{NoFlash, Port, serve};
+use splash_server::{NoFlash, Port, controller, serve};
 use splash_tests::with_big_stack;
 use std::fs::{File, OpenOptions};
 use std::io::{BufReader, Error, ErrorKind, Read, Write};
@@ -108,10 +107,9 @@ fn main() -> std::process::ExitCode {
     let ended = with_big_stack(move || {
         let [mut running, mut other] =
             [(); 2].map(|()| Box::new(Config::<256, 16_384, 2048>::new()));
-        let (mut pipeline, mut telemetry) =
-            (Box::new(Pipeline::new()), Box::new(Ring::<66>::new()));
+        let (mut control, mut telemetry) = (Box::new(controller()), Box::new(Ring::<66>::new()));
         let banks = Banks::new(&mut running, &mut other);
-        serve(&mut pipes, "pipe-board", banks, &mut pipeline, &mut telemetry)
+        serve(&mut pipes, "pipe-board", banks, &mut control, &mut telemetry)
     });
     u8::from(ended.kind() != ErrorKind::UnexpectedEof).into()
 }

@@ -196,7 +196,7 @@ fn telemetry_comes_unasked_behind_the_answers() {
     let told: Vec<(u32, u32)> = records
         .iter()
         .filter_map(|record| match record {
-            Record::Frame(frame) => Some((frame.report.frame, frame.configuration)),
+            Record::Frame(frame) => Some((frame.result.report.frame, frame.configuration)),
             _ => None,
         })
         .collect();

@@ -11,7 +11,7 @@ use splash_firmware::link::{
 };
 use splash_firmware::pipeline::{GlobalTilt, Hold, Outcome, Pipeline, Report, RowError};
 use splash_firmware::telemetry::Ring;
-use splash_server::{Port, serve};
+use splash_server::{Port, controller, serve};
 use splash_tests::instrument::Instrument;
 use std::cell::Cell;
 
@@ -178,9 +178,9 @@ impl Script {
         MARKS.set(0);
         let mut memory = std::mem::take(&mut self.memory);
         let (mut running, mut other) = (Box::new(Bank::new()), Box::new(Bank::new()));
-        let (mut pipeline, mut telemetry) = (Box::new(State::new()), Box::new(Ring::<40>::new()));
+        let (mut control, mut telemetry) = (Box::new(controller()), Box::new(Ring::<40>::new()));
         let banks = Banks::new(&mut running, &mut other);
-        let End = serve(&mut memory, "memory", banks, &mut pipeline, &mut telemetry);
+        let End = serve(&mut memory, "memory", banks, &mut control, &mut telemetry);
         assert_eq!(memory.read, memory.pixels.len(), "every pixel was read");
         let mut receiver = Receiver::new();
         let found = memory.answers.iter().filter_map(|&byte| receiver.push(byte));

@@ -6,9 +6,9 @@ use core::fmt::Write;
 use ibex::{Console, DMEM_BYTES, Exit, Once, Ports, STACK_BYTES, exit};
 use splash_firmware::banks::Banks;
 use splash_firmware::config::Config;
-use splash_firmware::pipeline::Pipeline;
+use splash_firmware::controller::Controller;
 use splash_firmware::telemetry::Ring;
-use splash_server::serve;
+use splash_server::{controller, serve};
 
 /// Cells of the subaperture grid: 16 x 16.
 const M: usize = 256;
@@ -22,10 +22,10 @@ const R: usize = 66;
 static RUNNING: Once<Config<M, P, B>> = Once::new(Config::new());
 static OTHER: Once<Config<M, P, B>> = Once::new(Config::new());
 static TELEMETRY: Once<Ring<R>> = Once::new(Ring::new());
-static PIPELINE: Once<Pipeline<M, B>> = Once::new(Pipeline::new());
+static CONTROLLER: Once<Controller<M, B>> = Once::new(controller());
 
 const NEEDED: usize = 2 * size_of::<Config<M, P, B>>()
-    + size_of::<Pipeline<M, B>>()
+    + size_of::<Controller<M, B>>()
     + size_of::<Ring<R>>()
     + STACK_BYTES;
 const _: () = const_panic::concat_assert!(
@@ -48,13 +48,13 @@ const _: () = const_panic::concat_assert!(
 #[allow(unsafe_code, reason = "an entry by its name")]
 #[unsafe(no_mangle)]
 extern "C" fn main() -> ! {
-    if let (Some(running), Some(other), Some(pipeline), Some(telemetry)) =
-        (RUNNING.take(), OTHER.take(), PIPELINE.take(), TELEMETRY.take())
+    if let (Some(running), Some(other), Some(control), Some(telemetry)) =
+        (RUNNING.take(), OTHER.take(), CONTROLLER.take(), TELEMETRY.take())
     {
         let _ = writeln!(Console, "room for {M} cells, {P} window pixels, {B} buffered");
         let banks = Banks::new(running, other);
         // The one way in which it ends.
-        let ibex::Closed = serve(&mut Ports::new(), "ibex", banks, pipeline, telemetry);
+        let ibex::Closed = serve(&mut Ports::new(), "ibex", banks, control, telemetry);
     }
     exit(Exit::Done)
 }

@@ -6,9 +6,9 @@ use mps2_an500::{Exit, Pipes, RAM_BYTES, STACK_BYTES, exit};
 use semihosting::io::ErrorKind;
 use splash_firmware::banks::Banks;
 use splash_firmware::config::Config;
-use splash_firmware::pipeline::Pipeline;
+use splash_firmware::controller::Controller;
 use splash_firmware::telemetry::Ring;
-use splash_server::serve;
+use splash_server::{controller, serve};
 use static_cell::ConstStaticCell;
 
 /// Cells of the subaperture grid: 16 x 16.
@@ -23,10 +23,10 @@ const R: usize = 66;
 static RUNNING: ConstStaticCell<Config<M, P, B>> = ConstStaticCell::new(Config::new());
 static OTHER: ConstStaticCell<Config<M, P, B>> = ConstStaticCell::new(Config::new());
 static TELEMETRY: ConstStaticCell<Ring<R>> = ConstStaticCell::new(Ring::new());
-static PIPELINE: ConstStaticCell<Pipeline<M, B>> = ConstStaticCell::new(Pipeline::new());
+static CONTROLLER: ConstStaticCell<Controller<M, B>> = ConstStaticCell::new(controller());
 
 const NEEDED: usize = 2 * size_of::<Config<M, P, B>>()
-    + size_of::<Pipeline<M, B>>()
+    + size_of::<Controller<M, B>>()
     + size_of::<Ring<R>>()
     + size_of::<Pipes>()
     + STACK_BYTES;
@@ -48,11 +48,10 @@ const _: () = const_panic::concat_assert!(
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let banks = Banks::new(RUNNING.take(), OTHER.take());
-    let pipeline = PIPELINE.take();
     let ended = match Pipes::open() {
         Ok(mut pipes) => {
             defmt::info!("room for {} cells, {} window pixels, {} buffered", M, P, B);
-            serve(&mut pipes, "mps2-an500", banks, pipeline, TELEMETRY.take())
+            serve(&mut pipes, "mps2-an500", banks, CONTROLLER.take(), TELEMETRY.take())
         }
         Err(error) => error,
     };
