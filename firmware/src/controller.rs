@@ -609,6 +609,12 @@ impl<const M: usize, const B: usize> Controller<M, B> {
         &self.modes
     }
 
+    /// Where a closed loop is on the ladder.
+    #[must_use]
+    pub const fn ladder(&self) -> Ladder {
+        self.ladder
+    }
+
     /// The faults since the start.
     #[must_use]
     pub const fn faults(&self) -> &Faults {
