@@ -77,7 +77,9 @@ fn a_good_frame_goes_on_from_where_the_mirror_is() {
     let instrument = instrument();
     let (mut rig, mut twin) = (Rig::closed(&instrument), Rig::closed(&instrument));
     for rig in [&mut rig, &mut twin] {
-        (0..6).for_each(|_| drop(rig.frame(&frame(SHIFT))));
+        for _ in 0..6 {
+            rig.frame(&frame(SHIFT));
+        }
     }
     rig.frame(&dark());
     // Its atmosphere and mirror did not move: the centroids are the same.
@@ -86,7 +88,9 @@ fn a_good_frame_goes_on_from_where_the_mirror_is() {
         twin.frame(&frame(SHIFT));
         assert_eq!(rig.codes(), twin.codes());
     }
-    (0..4).for_each(|_| drop(rig.missing()));
+    for _ in 0..4 {
+        rig.missing();
+    }
     let mut watch = guard::Watch::new(&instrument, rig.codes());
     assert_eq!(rig.frame(&frame(SHIFT)).rung, Some(Rung::Follow));
     watch.step(rig.codes());
@@ -147,11 +151,11 @@ fn numbers_that_do_not_follow_are_bad_frames_and_gaps_are_missing_ones() {
     assert_eq!(rig.controller.mode(), Mode::Safe, "eight are more than n2");
 }
 
-/// A wavefront of more than the mirror's range: half of the actuators at their limits for 20 frames.
+/// A wavefront of more than the mirror's range: some actuator at its limit for 20 frames.
 #[test]
 fn saturation_that_lasts_opens_the_loop() {
     let mut instrument = instrument();
-    instrument.safety.saturated_share = 0.25;
+    instrument.safety.saturated_share = 0.0;
     instrument.safety.saturated_frames = 20;
     instrument.slope_gain_m_per_px = Values::Uniform([[2e-6, 0.0], [0.0, 2e-6]]);
     let mut rig = Rig::closed(&instrument);
@@ -160,7 +164,7 @@ fn saturation_that_lasts_opens_the_loop() {
     for _ in 0..200 {
         let result = rig.frame(&frame(65536));
         watch.step(rig.codes());
-        let over = result.report.saturated_actuators > 12;
+        let over = result.report.saturated_actuators > 0;
         saturated = if over { saturated + 1 } else { 0 };
         if result.mode != Mode::ClosedLoop {
             opened = Some((result.mode, saturated));
