@@ -387,8 +387,11 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             let limit = Limit::Rule("floor: must not be above the highest raw value");
             return Err(ConfigError::at(Field::Dark, i, f64::from(top), limit));
         }
-        let origins =
-            heapless::Vec::<[u16; 2], M>::from_iter(self.slots.iter().map(|s| [s.x0, s.y0]));
+        let mut origins = heapless::Vec::<[u16; 2], M>::new();
+        for slot in &self.slots {
+            // As many as there are slots.
+            let _ = origins.push([slot.x0, slot.y0]);
+        }
         self.concurrent = validate::buffer::<B>(&self.estimator, self.window as u16, &origins)?;
         schedule::check_used(self.schedule.colours.iter().copied())?;
         self.schedule.count_colours();

@@ -18,14 +18,14 @@
 //! | closed loop | yes | yes | | yes | - | |
 //! | test pattern | yes | yes | | | | - |
 //!
-//! *flat*: the mirror shows the flat map. *voltage*: the high voltage is up. *laser*: that and the laser
+//! *flat*: the mirror shows the flat map. *voltage*: the high voltage is on to stay. *laser*: that and the laser
 //! are. *calibrated*: the running configuration's calibration fits it. Out of safe there is one way, by
 //! the operator; into safe there always is one. Every transition is recorded with its reason; what is
 //! refused changes nothing, is counted, and says what is missing.
 
 use crate::fault::{Fault, Moment};
 use core::fmt;
-use heapless::HistoryBuf;
+use heapless::Deque;
 use serde::{Deserialize, Serialize};
 
 /// Transitions that are kept.
@@ -78,7 +78,7 @@ pub struct Conditions {
     pub configured: bool,
     /// The mirror shows the flat map.
     pub flat: bool,
-    /// The high voltage is up.
+    /// The high voltage is on, and not about to go down.
     pub high_voltage: bool,
     /// The laser is on.
     pub laser: bool,
@@ -198,7 +198,7 @@ pub struct Transition {
 #[derive(Debug)]
 pub struct Modes {
     mode: Mode,
-    last: HistoryBuf<Transition, TRANSITIONS>,
+    last: Deque<Transition, TRANSITIONS>,
     refused: u32,
 }
 
@@ -212,7 +212,7 @@ impl Modes {
     /// Safe.
     #[must_use]
     pub const fn new() -> Self {
-        Self { mode: Mode::Safe, last: HistoryBuf::new(), refused: 0 }
+        Self { mode: Mode::Safe, last: Deque::new(), refused: 0 }
     }
 
     /// The mode.
@@ -223,7 +223,7 @@ impl Modes {
 
     /// The last transitions, oldest first.
     pub fn last(&self) -> impl Iterator<Item = &Transition> {
-        self.last.oldest_ordered()
+        self.last.iter()
     }
 
     /// Requests that were refused, of transitions and others; saturates.
@@ -265,7 +265,11 @@ impl Modes {
     }
 
     fn go(&mut self, to: Mode, reason: Reason, at: Moment) {
-        self.last.write(Transition { from: self.mode, to, reason, at });
+        if self.last.is_full() {
+            self.last.pop_front();
+        }
+        // There is room now.
+        let _ = self.last.push_back(Transition { from: self.mode, to, reason, at });
         self.mode = to;
     }
 }

@@ -76,7 +76,7 @@ pub fn encode<'w, T: Serialize>(
     let checksum = CRC.checksum(used);
     rest.iter_mut().zip(checksum.to_le_bytes()).for_each(|(to, byte)| *to = byte);
     let frame = frame.get(..end + CHECKSUM).ok_or(LinkError::Long)?;
-    let used = cobs::encode(frame, wire);
+    let used = cobs::try_encode(frame, wire).map_err(|_| LinkError::Long)?;
     if let Some(last) = wire.get_mut(used) {
         *last = 0;
     }
