@@ -25,7 +25,8 @@ fn with_calibration_of(instrument: &Instrument, calibrated: &Instrument) -> Box<
     banks.draft.check().expect("valid");
     banks.draft.switch().expect("checked");
     banks.frame_boundary(|_, _| Ok(())).expect("ordered").expect("admitted");
-    running
+    // They were exchanged.
+    other
 }
 
 #[test]

@@ -425,7 +425,6 @@ fn reasons_read_as_they_would_here() {
     let texts = reasons().iter().map(Reason::to_string).collect::<std::collections::BTreeSet<_>>();
     // An image of another version, and what is no image; two that are damaged.
     assert_eq!(texts.len(), reasons().len() - 2, "{texts:?}");
-}");
 }
 
 fn any_request() -> impl Strategy<Value = Request> {

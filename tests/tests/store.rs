@@ -192,7 +192,10 @@ fn every_cut<const WORD: usize>(stride: usize) {
         assert!(flash.off());
         flash.steps = None;
         let (found, flash) = restored(flash);
-        assert_eq!(found, Ok(hashes[1]), "cut in step {first}: the one before");
+        // The last word of a header that has more than one has nothing to program.
+        let done = |step| step + 1 == steps && WORD < 64;
+        let before = if done(first) { hashes[2] } else { hashes[1] };
+        assert_eq!(found, Ok(before), "cut in step {first}");
 
         for second in (first % stride..steps).step_by(stride) {
             let bytes = flash.bytes.clone();
@@ -203,7 +206,8 @@ fn every_cut<const WORD: usize>(stride: usize) {
             let mut again = store.into_inner();
             again.steps = None;
             let (found, again) = restored(again);
-            assert_eq!(found, Ok(hashes[1]), "cut in steps {first} and {second}");
+            let before = if done(second) { hashes[3] } else { before };
+            assert_eq!(found, Ok(before), "cut in steps {first} and {second}");
             let mut store = Store::new(again);
             store.store(&configs[3]).expect("with power");
             assert_eq!(restored(store.into_inner()).0, Ok(hashes[3]));
@@ -229,7 +233,7 @@ fn a_power_cut_in_the_first_store_leaves_nothing() {
     let config = bank(0.5);
     for blank in [true, false] {
         for steps in 0.. {
-            let mut flash = Nor::<32>::new(4, steps as u64, blank);
+            let mut flash = Nor::<64>::new(4, steps as u64, blank);
             flash.steps = Some(steps);
             let mut store = Store::new(flash);
             let stored = store.store(&config);

@@ -72,7 +72,7 @@ pub fn encode<'w, T: Serialize>(
     [*low, *high] = message.sequence.to_le_bytes();
     let body = rest.get_mut(..MESSAGE).ok_or(LinkError::Long)?;
     let end = HEADER + postcard::to_slice(&message.body, body).map_err(|_| LinkError::Long)?.len();
-    let (used, rest) = frame.split_at_mut(end);
+    let (used, rest) = frame.split_at_mut_checked(end).ok_or(LinkError::Long)?;
     let checksum = CRC.checksum(used);
     rest.iter_mut().zip(checksum.to_le_bytes()).for_each(|(to, byte)| *to = byte);
     let frame = frame.get(..end + CHECKSUM).ok_or(LinkError::Long)?;

@@ -26,7 +26,7 @@ unsafe extern "C" {
 
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo) -> ! {
-    loop {}
+    unsafe { a_panic_can_be_reached() }
 }
 
 #[unsafe(no_mangle)]
@@ -46,7 +46,11 @@ fn probe_upload(draft: &mut Draft<'_, M, P, B>, offset: u32, bytes: &[u8]) -> bo
 }
 
 #[unsafe(no_mangle)]
-fn probe_adjust(draft: &mut Draft<'_, M, P, B>, change: &Adjustment, other: &Config<M, P, B>) -> bool {
+fn probe_adjust(
+    draft: &mut Draft<'_, M, P, B>,
+    change: &Adjustment,
+    other: &Config<M, P, B>,
+) -> bool {
     draft.copy(other).is_ok() && draft.adjust(change).is_ok() && draft.check().is_ok()
 }
 
