@@ -33,6 +33,18 @@
 //! | [`interlock`], [`watchdog`] | when laser and high voltage may be on, when a cycle went well |
 //! | [`controller`] | all of them, as a board drives it |
 //!
+//! and what a PC has to do with it:
+//!
+//! | module | what |
+//! |---|---|
+//! | [`link`] | messages, and how they come over a stream of bytes |
+//! | [`image`], [`adjust`] | a configuration as bytes; one change of it |
+//! | [`banks`] | the configuration that runs, and the one that is being made |
+//! | [`store`] | the running configuration in flash |
+//! | [`calibration`] | what a configuration was calibrated on, and what is missing |
+//! | [`telemetry`], [`strehl`] | what frames leave; what it says of the wavefront |
+//! | [`identity`] | which build this is |
+//!
 //! [`pipeline::Pipeline`] composes the stages; [`spec::Spec`] describes an instrument in physical units
 //! and [`config::Config::build`] turns it, once, into integers that cannot be wrong.
 
