@@ -23,7 +23,7 @@ use crate::centroid::Measurement;
 use crate::config::Config;
 use crate::control::{Control, Taking};
 use crate::fixed::{self, TILT_LIMIT};
-use crate::mirror::Mirror;
+use crate::mirror::{Limits, Mirror};
 pub use crate::probe::{Probe, Stage};
 use crate::readout::{Readout, Sink};
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
@@ -352,17 +352,25 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         config: &Config<M, P, B>,
         (report, hold): (Report, Hold),
         cold: bool,
-        step: impl FnOnce(&mut Mirror<M>),
+        step: impl FnOnce(&mut Mirror<M>) -> Limits,
     ) -> Report {
         self.total(hold);
-        step(&mut self.mirror);
+        let Limits { saturated, slewed } = step(&mut self.mirror);
         self.control.record(self.mirror.positions().iter().map(|position| position.tilt_ulp));
         self.show(config);
         if cold && self.warm {
             self.warm = false;
             self.sor.reset();
         }
-        Report { outcome: Outcome::Held(hold), ..report }
+        let add = |total: &mut u32, n: u16| *total = total.saturating_add(n.into());
+        add(&mut self.totals.saturated_actuators, saturated);
+        add(&mut self.totals.slewed_actuators, slewed);
+        Report {
+            outcome: Outcome::Held(hold),
+            saturated_actuators: saturated,
+            slewed_actuators: slewed,
+            ..report
+        }
     }
 
     /// The mirror and its guard.
