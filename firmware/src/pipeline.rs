@@ -619,20 +619,37 @@ impl<const M: usize> Sink for Windows<'_, M> {
     /// Slope and pseudo-open-loop slope of subaperture `i`.
     #[inline(always)]
     fn take(&mut self, i: usize, measurement: &Measurement) {
+        if self.special.is_some() {
+            return self.take_special(i, measurement);
+        }
         let (Some(calibration), Some(node), Some(place)) =
             (self.calibration.get(i), self.nodes.get(i), self.slopes.get_mut(i))
         else {
             return;
         };
-        let mut slope = slopes::slope(calibration, self.scale, measurement);
-        if let Some(special) = &self.special {
-            if !special.lights(i) {
-                self.control.retain(node.place);
-                return;
-            }
-            slope.valid =
-                slopes::valid_in_proportion(calibration, measurement.flux, special.pulses_q16);
+        let slope = slopes::slope(calibration, self.scale, measurement);
+        *place = slope;
+        self.control.take(i, node.place, &slope);
+        *self.saturated_pixels += u32::from(measurement.saturated);
+    }
+}
+
+impl<const M: usize> Windows<'_, M> {
+    /// [`Sink::take`] of a frame that is not as every other.
+    #[cold]
+    #[inline(never)]
+    fn take_special(&mut self, i: usize, measurement: &Measurement) {
+        let (Some(special), Some(calibration), Some(node), Some(place)) =
+            (&self.special, self.calibration.get(i), self.nodes.get(i), self.slopes.get_mut(i))
+        else {
+            return;
+        };
+        if !special.lights(i) {
+            return self.control.retain(node.place);
         }
+        let mut slope = slopes::slope(calibration, self.scale, measurement);
+        slope.valid =
+            slopes::valid_in_proportion(calibration, measurement.flux, special.pulses_q16);
         *place = slope;
         self.control.take(i, node.place, &slope);
         *self.saturated_pixels += u32::from(measurement.saturated);
