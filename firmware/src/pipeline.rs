@@ -23,7 +23,7 @@ use crate::centroid::Measurement;
 use crate::config::Config;
 use crate::control::{Control, Taking};
 use crate::fixed::{self, TILT_LIMIT};
-use crate::mirror::Mirror;
+use crate::mirror::{Limits, Mirror};
 pub use crate::probe::{Probe, Stage};
 use crate::readout::{Readout, Sink};
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
@@ -352,17 +352,25 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         config: &Config<M, P, B>,
         (report, hold): (Report, Hold),
         cold: bool,
-        step: impl FnOnce(&mut Mirror<M>),
+        step: impl FnOnce(&mut Mirror<M>) -> Limits,
     ) -> Report {
         self.total(hold);
-        step(&mut self.mirror);
+        let Limits { saturated, slewed } = step(&mut self.mirror);
         self.control.record(self.mirror.positions().iter().map(|position| position.tilt_ulp));
         self.show(config);
         if cold && self.warm {
             self.warm = false;
             self.sor.reset();
         }
-        Report { outcome: Outcome::Held(hold), ..report }
+        let add = |total: &mut u32, n: u16| *total = total.saturating_add(n.into());
+        add(&mut self.totals.saturated_actuators, saturated);
+        add(&mut self.totals.slewed_actuators, slewed);
+        Report {
+            outcome: Outcome::Held(hold),
+            saturated_actuators: saturated,
+            slewed_actuators: slewed,
+            ..report
+        }
     }
 
     /// The mirror and its guard.
@@ -611,20 +619,37 @@ impl<const M: usize> Sink for Windows<'_, M> {
     /// Slope and pseudo-open-loop slope of subaperture `i`.
     #[inline(always)]
     fn take(&mut self, i: usize, measurement: &Measurement) {
+        if self.special.is_some() {
+            return self.take_special(i, measurement);
+        }
         let (Some(calibration), Some(node), Some(place)) =
             (self.calibration.get(i), self.nodes.get(i), self.slopes.get_mut(i))
         else {
             return;
         };
-        let mut slope = slopes::slope(calibration, self.scale, measurement);
-        if let Some(special) = &self.special {
-            if !special.lights(i) {
-                self.control.retain(node.place);
-                return;
-            }
-            slope.valid =
-                slopes::valid_in_proportion(calibration, measurement.flux, special.pulses_q16);
+        let slope = slopes::slope(calibration, self.scale, measurement);
+        *place = slope;
+        self.control.take(i, node.place, &slope);
+        *self.saturated_pixels += u32::from(measurement.saturated);
+    }
+}
+
+impl<const M: usize> Windows<'_, M> {
+    /// [`Sink::take`] of a frame that is not as every other.
+    #[cold]
+    #[inline(never)]
+    fn take_special(&mut self, i: usize, measurement: &Measurement) {
+        let (Some(special), Some(calibration), Some(node), Some(place)) =
+            (&self.special, self.calibration.get(i), self.nodes.get(i), self.slopes.get_mut(i))
+        else {
+            return;
+        };
+        if !special.lights(i) {
+            return self.control.retain(node.place);
         }
+        let mut slope = slopes::slope(calibration, self.scale, measurement);
+        slope.valid =
+            slopes::valid_in_proportion(calibration, measurement.flux, special.pulses_q16);
         *place = slope;
         self.control.take(i, node.place, &slope);
         *self.saturated_pixels += u32::from(measurement.saturated);

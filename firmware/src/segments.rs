@@ -270,7 +270,8 @@ impl Segment {
         ratio_bits: u32,
     ) -> Option<Position> {
         let limits = pairs(pairs(self.lowest, self.highest), heights_ulp);
-        let [h0, h1, h2] = limits.map(|((low, high), height)| smaller(larger(height, low), high));
+        // Heights that an operator asks for may be any.
+        let [h0, h1, h2] = limits.map(|((low, high), height)| height.max(low).min(high));
         let [[x0, y0], [x1, y1], [x2, y2]] = self.ratios.map(|row| row.map(i64::from));
         let ([a, b], [c, d]) = ([x1 - x0, y1 - y0], [x2 - x0, y2 - y0]);
         let (u, v) = (i64::from(h1) - i64::from(h0), i64::from(h2) - i64::from(h0));
@@ -375,4 +376,61 @@ fn towards(a: Position, b: Position, scale_q16: u32) -> Position {
     let go = |a: i32, b: i32| a.wrapping_add(shrink(b.wrapping_sub(a), scale_q16));
     let ([ax, ay], [bx, by]) = (a.tilt_ulp, b.tilt_ulp);
     Position { piston_ulp: go(a.piston_ulp, b.piston_ulp), tilt_ulp: [go(ax, bx), go(ay, by)] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A triangle of radius 0.6 in f64, and a segment of it with limits that are wide but for one.
+    fn segment() -> (Segment, [[f64; 2]; ACTUATORS]) {
+        let side = 0.6 * f64::sqrt(3.0) / 2.0;
+        let rows = [[0.0, 0.6], [-side, -0.3], [side, -0.3]];
+        let ratios = rows.map(|row| row.map(|t| (t * f64::from(1 << 15)).round() as i16));
+        let (lowest, highest) = ([-(1 << 24); 3], [1 << 24, 1 << 24, 1 << 20]);
+        (Segment { ratios, influence: [1 << INFLUENCE_BITS; 3], lowest, highest }, rows)
+    }
+
+    /// Positions of heights, back to heights by the matrix in f64: exact to the rounding of tip and tilt
+    /// (1/2 ulp each, and that of the ratios, 2^-16 of the tilt) and of one product.
+    #[test]
+    fn heights_have_the_position_that_has_them() {
+        let (segment, rows) = segment();
+        for heights in [[0, 0, 0], [1 << 20, -(1 << 20), 77], [-12_345, 1 << 22, 1 << 19]] {
+            let position = segment.position(heights, 15).expect("a triangle");
+            let Position { piston_ulp, tilt_ulp: [tip, tilt] } = position;
+            for ([x, y], height) in rows.into_iter().zip(heights) {
+                let found = f64::from(piston_ulp) + x * f64::from(tip) + y * f64::from(tilt);
+                let largest = f64::from(tip.abs().max(tilt.abs()));
+                let error = (found - f64::from(height)).abs();
+                assert!(error <= 3.0 + largest / 32_768.0, "{heights:?}: {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn heights_beyond_a_limit_stop_there_alone() {
+        let (segment, _) = segment();
+        let at_limit = segment.position([100, 200, 1 << 20], 15);
+        assert_eq!(segment.position([100, 200, i32::MAX], 15), at_limit);
+    }
+
+    #[test]
+    fn a_matrix_without_inverse_has_no_position() {
+        let (mut segment, _) = segment();
+        segment.ratios = [[100, 200]; ACTUATORS];
+        assert_eq!(segment.position([1, 2, 3], 15), None);
+    }
+
+    #[test]
+    fn a_leak_ends_at_the_flat_map() {
+        let mut position = Position { piston_ulp: 1 << 24, tilt_ulp: [-(1 << 22), 3] };
+        let half = leaked(position, 1 << 15);
+        assert_eq!(half, Position { piston_ulp: 1 << 23, tilt_ulp: [-(1 << 21), 1] });
+        for _ in 0..100_000 {
+            position = leaked(position, 655);
+        }
+        assert_eq!(position, Position::default());
+        assert_eq!(leaked(half, 0), half);
+    }
 }

@@ -99,8 +99,6 @@ pub(crate) fn slope(
 
 /// Whether a flux is within the limits of a frame that had `pulses`, Q16, of what was asked, up to
 /// 2^16: limits in proportion, rounded down, the lower one at least 1.
-#[cold]
-#[inline(never)]
 pub(crate) fn valid_in_proportion(
     calibration: &SlopeCalibration,
     flux: u32,

@@ -1,6 +1,7 @@
 //! The mirror's guard: what no mode gets past.
 
 use super::*;
+use splash_firmware::pipeline::Hold;
 use splash_firmware::segments::Position;
 
 /// Codes against an f64 model of the mechanics: one code an LSB of stroke / 65536.
@@ -59,6 +60,22 @@ fn the_first_configuration_sets_the_flat_map_which_is_not_zero() {
     assert!(near(&rig.codes(), &expected, 1), "{:?}", rig.codes());
     assert!(rig.codes().as_flattened().iter().all(|&code| code > 20_000));
     assert!(rig.controller.is_flat());
+}
+
+/// Frames of a configuration that was never taken over move nothing, and say so.
+#[test]
+fn nothing_begins_before_a_configuration_is_taken_over() {
+    let config: Box<SmallConfig> = instrument().config();
+    let controller = Box::new(Small::new(Serials::default(), TIMES, HZ));
+    let mut rig = Rig { controller, config, number: 0, ticks: 0 };
+    let result = rig.frame(&frame(SHIFT));
+    assert_eq!(result.report.outcome, Outcome::Held(Hold::NotBegun));
+    rig.missing();
+    assert!(rig.codes().is_empty());
+    assert_eq!(rig.controller.faults().counts().iter().sum::<u32>(), 1, "the frame");
+    rig.up();
+    let refused = rig.ask(Command::Enter(Mode::ClosedLoop));
+    assert_eq!(refused, Err(Refusal::NoWay { from: Mode::Safe, to: Mode::ClosedLoop }));
 }
 
 /// Wherever a pattern asks a segment to go, every step is within limits and slew, and it arrives where

@@ -136,8 +136,7 @@ fn numbers_that_do_not_follow_are_bad_frames_and_gaps_are_missing_ones() {
     rig.frame(&frame(SHIFT));
     for found in [1, 0] {
         let result = rig.numbered(found, 10, &frame(SHIFT));
-        let expected = if found == 1 { 2 } else { 2 };
-        let fault = Fault::FrameCounter { expected, found };
+        let fault = Fault::FrameCounter { expected: 2, found };
         assert_eq!((result.fault, result.rung), (Some(fault), Some(Rung::Hold)));
         rig.number = 1;
     }
