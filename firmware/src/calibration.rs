@@ -1,11 +1,12 @@
 //! Whether a configuration has been calibrated on the instrument that it is for.
 //!
-//! A calibration holds for one mask, detector, placement of the windows and mirror. Its record carries
-//! a fingerprint of them; what it measured (floors, losses, reference slopes, 2 x 2 gains) and what is
-//! chosen freely (gains, limits, thresholds, gate) is not in it.
+//! A calibration holds for one mask, placement of the windows, detector and mirror, and for their serial
+//! numbers. Its record carries a fingerprint of them; what it measured (floors, losses, reference slopes,
+//! 2 x 2 gains) and what is chosen freely (gains, limits, thresholds, gate) is not in it.
 
 use crate::config::Config;
 use crate::image::CRC;
+use crate::mirror::Serials;
 use core::fmt;
 use serde::{Deserialize, Serialize};
 
@@ -104,6 +105,8 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         let rows = self.mask.as_ref().map(|mask| mask.rows()).unwrap_or_default();
         rows.iter().for_each(|row| digest.update(&row.to_le_bytes()));
         digest.update(&self.lsb_m.to_le_bytes());
+        let Serials { mirror, detector } = self.serials;
+        [mirror, detector].iter().for_each(|serial| digest.update(&serial.to_le_bytes()));
         digest.finalize()
     }
 

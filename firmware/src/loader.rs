@@ -162,9 +162,9 @@ impl Loader {
             }
         };
         if left == 0 {
-            self.advance(bank)?
+            self.advance(bank)?;
         } else {
-            self.await_entry()
+            self.await_entry();
         }
         Ok(None)
     }

@@ -7,8 +7,10 @@ use splash_firmware::banks::{BankError, Banks, DraftState};
 use splash_firmware::centroid::EstimatorConfig;
 use splash_firmware::config::Config;
 use splash_firmware::error::Field;
+use splash_firmware::gate::ShortFrame;
 use splash_firmware::geometry::Mask;
 use splash_firmware::image::ImageError;
+use splash_firmware::mirror::Serials;
 use splash_firmware::mode::Refusal;
 use splash_firmware::spec::Estimator;
 use splash_tests::instrument::{Instrument, Values};
@@ -337,6 +339,13 @@ fn adjustments_reach_every_configuration_of_the_same_geometry() {
     other.sor.sweeps = Some(7);
     other.gate.zenith_angle_deg = 30.0;
     other.saturation_adu = Some(4000);
+    other.lattice = Some([2, 0, 2]);
+    other.gate.short_frame = ShortFrame::Drop;
+    other.safety.valid_min = 0.7;
+    other.safety.flux_min_adu = 1e4;
+    other.safety.saturated_pixels_max = 17;
+    other.safety.saturated_share = 0.3;
+    other.serials = Serials { mirror: 7, detector: 9 };
     let (mut running, mut draft, target) = (big(&base), big(&base), big(&other));
     assert!(image(&running) != image(&target));
 

@@ -60,17 +60,18 @@ fn a_calibration_survives_what_it_does_not_depend_on() {
 #[test]
 fn a_calibration_of_something_else_is_refused() {
     let instrument = Instrument::circle(8, 8);
-    let mut others = vec![Instrument::new(Mask::annulus(8, 0.3).expect("a mask"), 8); 4];
+    let mut others = vec![Instrument::new(Mask::annulus(8, 0.3).expect("a mask"), 8); 5];
     for other in others.iter_mut().skip(1) {
         *other = instrument.clone();
     }
-    // Two windows exchanged; another segment matrix; another stroke.
+    // Two windows exchanged; another segment matrix; another stroke; another mirror.
     others[1].origins.swap(3, 4);
     others[2].matrix = Values::Uniform([[1.0, 0.1, 1.0], [1.0, -0.8, -0.5], [1.0, 0.8, -0.5]]);
     others[3].stroke_m *= 1.01;
     others[3].response_m = Values::Uniform([[0.0, others[3].stroke_m]; 3]);
     others[3].flat_m = Values::Uniform([0.5 * others[3].stroke_m; 3]);
     others[3].limits_m = Values::Uniform([[0.0, others[3].stroke_m]; 3]);
+    others[4].serials.mirror = 12;
     for (i, other) in others.iter().enumerate() {
         let found = with_calibration_of(other, &instrument).calibration();
         let calibrated = bank(&instrument).fingerprint();

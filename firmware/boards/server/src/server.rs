@@ -159,7 +159,7 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
             // One of an image that was given up.
             Request::Piece { .. } => {}
             Request::Reset => {
-                self.to_the_bench();
+                self.open_on_the_bench();
                 out.port.actuate(self.controller.codes())?;
                 self.state(&mut out)?;
                 out.send(Response::Ready)?;
@@ -244,7 +244,7 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
     }
 
     /// Opens the loop: frames go through the frame path alone.
-    fn to_the_bench(&mut self) {
+    fn open_on_the_bench(&mut self) {
         let config = self.banks.running();
         if self.controlled {
             // Into safe leads a way from everywhere.
@@ -281,7 +281,7 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
         draft.switch()?;
         self.controlled = false;
         self.boundary();
-        self.to_the_bench();
+        self.open_on_the_bench();
         Ok(())
     }
 
