@@ -3,6 +3,7 @@
 pub mod closed_loop;
 pub mod config;
 pub mod frames;
+pub mod link;
 mod output;
 pub mod profile;
 mod progress;

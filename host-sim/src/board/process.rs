@@ -41,7 +41,7 @@ pub struct Emulator {
 }
 
 /// A running emulator.
-pub(super) struct Process {
+pub struct Process {
     patience: Duration,
     guard: Child,
     /// `None` once the link was ended.
@@ -51,9 +51,19 @@ pub(super) struct Process {
     directory: TempDir,
 }
 
+impl Emulator {
+    /// Starts it.
+    ///
+    /// # Errors
+    /// [`BoardError::Process`].
+    pub fn start(&self, patience: Duration) -> Result<Process, BoardError> {
+        Process::start(self, patience).map_err(failed(self.board, "when it was started"))
+    }
+}
+
 impl Process {
     /// Makes the pipes and starts the program.
-    pub(super) fn start(emulator: &Emulator, patience: Duration) -> Result<Self, Failure> {
+    fn start(emulator: &Emulator, patience: Duration) -> Result<Self, Failure> {
         let directory = tempfile::Builder::new().prefix("splash-").tempdir()?;
         let path = |name: &str| directory.path().join(name);
         for name in ["link.in", "link.out", "detector"] {

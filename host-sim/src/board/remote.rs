@@ -44,11 +44,8 @@ impl Remote {
     ) -> Result<Self, BoardError> {
         let here = local(spec, Options::default())?;
         let board = emulator.board;
-        let process = Process::start(emulator, options.patience)
-            .map_err(failed(board, "when it was started"))?;
-        let mut client = Client::new(process);
-        let identity =
-            client.identify().map_err(failed(board, "when it was asked what it is"))?;
+        let mut client = Client::new(emulator.start(options.patience)?);
+        let identity = client.identify().map_err(failed(board, "when it was asked what it is"))?;
         let loaded = client.load(&here.image()).map_err(failed(board, "when it was configured"))?;
         if let Err(reason) = loaded {
             return Err(BoardError::Unfit { board, reason });

@@ -260,9 +260,7 @@ impl Operator {
     pub fn head(&mut self) -> Result<Head, OperatorError> {
         match self.value(Asked::Head)? {
             Adjustment::Head(head) => Ok(head),
-            other => {
-                self.out_of_turn("when it was asked for a parameter", &Response::Value(other))
-            }
+            other => self.out_of_turn("when it was asked for a parameter", &Response::Value(other)),
         }
     }
 
@@ -273,9 +271,7 @@ impl Operator {
     pub fn entry(&mut self, index: u16) -> Result<Subaperture, OperatorError> {
         match self.value(Asked::Subaperture { index })? {
             Adjustment::Subaperture { entry, .. } => Ok(entry),
-            other => {
-                self.out_of_turn("when it was asked for a parameter", &Response::Value(other))
-            }
+            other => self.out_of_turn("when it was asked for a parameter", &Response::Value(other)),
         }
     }
 
@@ -516,11 +512,7 @@ impl Operator {
     ///
     /// # Errors
     /// [`OperatorError`].
-    pub fn command(
-        &mut self,
-        doing: &'static str,
-        command: Command,
-    ) -> Result<(), OperatorError> {
+    pub fn command(&mut self, doing: &'static str, command: Command) -> Result<(), OperatorError> {
         match self.ask(doing, Request::Command(command))? {
             Response::Ready => Ok(()),
             other => self.out_of_turn(doing, &other),
@@ -534,7 +526,9 @@ impl Operator {
     pub fn enter(&mut self, mode: Mode) -> Result<(), OperatorError> {
         let entered = self.command("when its mode was to change", Command::Enter(mode));
         match entered {
-            Err(OperatorError::Refused { reason: Reason::Mode(Refusal::NotCalibrated), .. }) => {
+            Err(OperatorError::Refused {
+                reason: Reason::Mode(Refusal::NotCalibrated), ..
+            }) => {
                 // It says more than that.
                 self.calibration()?;
                 entered
@@ -584,10 +578,7 @@ impl Operator {
         let [piston, tip, tilt] = position_m;
         let position = Position {
             piston_ulp: ulp("poke.piston_m", piston, PISTON_LIMIT)?,
-            tilt_ulp: [
-                ulp("poke.tip_m", tip, TILT_LIMIT)?,
-                ulp("poke.tilt_m", tilt, TILT_LIMIT)?,
-            ],
+            tilt_ulp: [ulp("poke.tip_m", tip, TILT_LIMIT)?, ulp("poke.tilt_m", tilt, TILT_LIMIT)?],
         };
         let command = Command::Position { subaperture, position };
         self.command("when a segment was to be poked", command)

@@ -124,9 +124,7 @@ impl Parameter {
             Access::Subaperture { values, write, .. } if found.len() == values => {
                 write(head, entry, found)
             }
-            Access::Subaperture { values, .. } => {
-                Err(Bound::Values { found: found.len(), values })
-            }
+            Access::Subaperture { values, .. } => Err(Bound::Values { found: found.len(), values }),
             Access::Head { .. } => Err(Bound::Absent),
         }
     }
@@ -150,7 +148,11 @@ pub(crate) fn quantise(value: f64, scale: f64, limits: [f64; 2]) -> Result<f64, 
 
 /// A whole number from 0 to `high`.
 fn whole(value: f64, high: f64) -> Result<f64, Bound> {
-    if value.fract() == 0.0 { quantise(value, 1.0, [0.0, high]) } else { Err(Bound::Whole { found: value }) }
+    if value.fract() == 0.0 {
+        quantise(value, 1.0, [0.0, high])
+    } else {
+        Err(Bound::Whole { found: value })
+    }
 }
 
 macro_rules! count {

@@ -202,9 +202,17 @@ impl Recording {
             .with("BUILD", format!("{:08x}", status.build), "hash of the library's source")
             .with("CONFHASH", format!("{:08x}", status.configuration), "hash of the configuration")
             .with("MIRROR", status.serials.mirror, "serial number of the board's, 0: not stated")
-            .with("DETECTOR", status.serials.detector, "serial number of the board's, 0: not stated")
+            .with(
+                "DETECTOR",
+                status.serials.detector,
+                "serial number of the board's, 0: not stated",
+            )
             .with("CFMIRROR", head.serials.mirror, "serial number the configuration is for, 0: any")
-            .with("CFDETECT", head.serials.detector, "serial number the configuration is for, 0: any")
+            .with(
+                "CFDETECT",
+                head.serials.detector,
+                "serial number the configuration is for, 0: any",
+            )
             .with("NSUB", self.subapertures as i64, "subapertures")
             .with("ULP", ulp_m(head), "[m] optical path per length ulp")
             .with("TICKS", status.ticks_per_second, "[Hz] ticks of the board's clock")

@@ -36,7 +36,14 @@ impl Threaded {
         let (link, board) = UnixStream::pair()?;
         link.set_nonblocking(true)?;
         let (detector, frames) = mpsc::channel();
-        let port = Here { link: board, frames, frame: Vec::new(), read: 0, width: 1, flash: Ram::default() };
+        let port = Here {
+            link: board,
+            frames,
+            frame: Vec::new(),
+            read: 0,
+            width: 1,
+            flash: Ram::default(),
+        };
         // Of telemetry, what a frame leaves.
         let run: fn(Here) = match (across, pixels) {
             (..=8, ..=16_384) => run::<64, 16_384, 16_384, 18>,

@@ -82,7 +82,8 @@ impl Values {
             Self::Text(values) => {
                 let (_, width) = self.form();
                 for text in &values[range] {
-                    let printable = |byte: u8| if (0x20..=0x7e).contains(&byte) { byte } else { b'?' };
+                    let printable =
+                        |byte: u8| if (0x20..=0x7e).contains(&byte) { byte } else { b'?' };
                     let end = bytes.len() + width;
                     bytes.extend(text.bytes().map(printable));
                     bytes.resize(end, b' ');
