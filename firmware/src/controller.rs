@@ -562,8 +562,9 @@ impl<const M: usize, const B: usize> Controller<M, B> {
                 return Err(Refusal::NotFlat);
             }
         }
-        // One that tracks the zenith angle goes on doing so.
-        let tracked = same_mask && before.range() == config.range();
+        // One that tracks the zenith angle goes on doing so; on a bench none was asked for yet.
+        let tracked =
+            same_mask && before.range() == config.range() && self.gate.asked() != Range::default();
         let range = if tracked { self.gate.asked() } else { config.range() };
         self.gate.ask(range, &config.timing()).map_err(Refusal::Gate)?;
         if !same_mask {
