@@ -12,6 +12,7 @@
 //! | [`recording`] | telemetry as FITS tables |
 //! | [`calibrate`] | darks, flats, reference slopes, pokes |
 
+pub mod calibrate;
 pub mod client;
 pub mod frames;
 pub mod light;

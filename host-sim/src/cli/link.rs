@@ -181,6 +181,27 @@ pub enum Action {
         #[arg(long, conflicts_with = "frames", allow_negative_numbers = true)]
         seconds: Option<f64>,
     },
+    /// Measures and loads darks, flats, reference slopes, the map from spots to segments and their gains
+    ///
+    /// The light is seen to on an emulated board; on a serial line, whoever operates it is asked for it.
+    Calibrate {
+        /// Frames for darks, and for flats
+        #[arg(
+            long,
+            default_value_t = 32,
+            value_parser = value_parser!(u32).range(2..=100_000),
+            allow_negative_numbers = true
+        )]
+        frames: u32,
+        /// Frames averaged for each position of the mirror
+        #[arg(
+            long,
+            default_value_t = 8,
+            value_parser = value_parser!(u32).range(1..=100_000),
+            allow_negative_numbers = true
+        )]
+        averaged: u32,
+    },
     /// The calibration that runs, or what is missing
     Calibration,
 }

@@ -7,6 +7,7 @@ use crate::cli::{Action, LinkArgs, Place};
 use crate::error::{Error, refuse};
 use crate::instrument::Instrument;
 use crate::link::Transport;
+use crate::link::calibrate::{Effort, calibrate};
 use crate::link::light::{Light, Simulated};
 use crate::link::operator::{Frames, Operator};
 use crate::link::parameters::ulp_m;
@@ -181,6 +182,9 @@ impl Session {
                 Ok(done("frames", frames.to_string()))
             }
             Action::Record { file, frames, seconds } => self.record(file, *frames, *seconds),
+            Action::Calibrate { frames, averaged } => {
+                self.calibrate(Effort { frames: *frames, averaged: *averaged })
+            }
             Action::Calibration => {
                 let calibration = operator.calibration()?;
                 let quality = f64::from(calibration.quality_q16) / 65535.0;
@@ -330,6 +334,51 @@ impl Session {
             json: json!({
                 "action": "read-back", "file": file.display().to_string(), "bytes": image.len(),
                 "configuration": format!("{hash:08x}"), "sha256": sha256,
+            }),
+        })
+    }
+
+    fn calibrate(&mut self, effort: Effort) -> Result<Found, Error> {
+        let bar = progress::share("calibration".into());
+        let found = calibrate(&mut self.operator, &self.instrument, effort, &mut |what, done| {
+            bar.set_message(what);
+            bar.set_position((1000.0 * done) as u64);
+        });
+        bar.finish_and_clear();
+        let found = found?;
+        let arrangement = match found.arrangement {
+            Some((0, false)) => "each window has its segment's spot".into(),
+            Some((degrees, false)) => format!("turned by {degrees} degrees"),
+            Some((degrees, true)) => format!("x reflected, then turned by {degrees} degrees"),
+            None => "no turn or reflection of the pupil".into(),
+        };
+        let reflected = if found.reflected { ", y reflected before" } else { "" };
+        Ok(Found {
+            table: vec![
+                (
+                    "dark level",
+                    format!("{:.2} ADU, noise {:.3} ADU", found.dark_adu, found.noise_adu),
+                ),
+                ("detector's gain", format!("{:.3} electrons per ADU", found.gain_e_per_adu)),
+                ("bad pixels", found.bad_pixels.to_string()),
+                ("spots", arrangement),
+                ("motion", format!("turned by {:.2} degrees{reflected}", found.rotation_deg)),
+                ("centroid gain", format!("{:.4}", found.centroid_gain)),
+                ("centroid noise", format!("{:.5} px", found.noise_px)),
+                ("pistons", format!("{:.5} px for a quarter wavelength", found.piston_px)),
+                ("quality", format!("{:.4}", found.quality)),
+                ("configuration", format!("{:08x}", found.hash)),
+            ],
+            json: json!({
+                "action": "calibrate", "dark_adu": found.dark_adu, "noise_adu": found.noise_adu,
+                "gain_e_per_adu": found.gain_e_per_adu, "bad_pixels": found.bad_pixels,
+                "windows": found.windows,
+                "turned_deg": found.arrangement.map(|(degrees, _)| degrees),
+                "x_reflected": found.arrangement.map(|(_, reflected)| reflected),
+                "motion_deg": found.rotation_deg, "motion_reflected": found.reflected,
+                "centroid_gain": found.centroid_gain, "noise_px": found.noise_px,
+                "piston_px": found.piston_px, "quality": found.quality,
+                "configuration": format!("{:08x}", found.hash),
             }),
         })
     }

@@ -27,6 +27,8 @@ use std::time::{Duration, Instant};
 
 /// How often a board is asked whether its next frame has come.
 const POLL: Duration = Duration::from_millis(2);
+/// Frames in which a mirror surely gets to flat, at a slew limit of a hundredth of its stroke.
+pub(crate) const RAMP_FRAMES: u32 = 1000;
 /// A place in a list that is longer than any: the refusal says how many there are.
 const BEYOND: u16 = u16::MAX;
 
@@ -660,19 +662,46 @@ impl Operator {
         Ok(&self.pixels)
     }
 
-    /// Hands the raw pixels of so many frames to `take`.
+    /// Hands the raw pixels of so many frames to `take`, `[width, height]` of the detector. Where frames do
+    /// not come from here, each row is of a frame of its own.
     ///
     /// # Errors
     /// [`OperatorError`].
     pub fn raw_frames(
         &mut self,
         frames: u32,
+        [width, height]: [usize; 2],
         take: &mut dyn FnMut(&[u16]),
     ) -> Result<(), OperatorError> {
         for _ in 0..frames {
-            take(self.expose()?);
+            if self.is_emulated() {
+                take(self.expose()?);
+                continue;
+            }
+            let mut pixels = Vec::with_capacity(width * height);
+            for row in 0..height {
+                let end = (row + 1) * width;
+                while pixels.len() < end {
+                    let first = (pixels.len() % width) as u16;
+                    pixels.extend(self.raw_pixels(row as u16, first)?);
+                }
+                pixels.truncate(end);
+            }
+            take(&pixels);
         }
         Ok(())
+    }
+
+    /// Raw pixels of a row of the next frame, at least one.
+    fn raw_pixels(&mut self, row: u16, first: u16) -> Result<Vec<u16>, OperatorError> {
+        let doing = "when it was asked for raw pixels";
+        match self.ask(doing, Request::Pixels { row, first })? {
+            Response::Pixels { bytes, .. } if bytes.len() >= 2 => {
+                let (pixels, _) = bytes.as_chunks();
+                Ok(pixels.iter().map(|&pixel| u16::from_le_bytes(pixel)).collect())
+            }
+            other => self.out_of_turn(doing, &other),
+        }
     }
 
     /// Asks for telemetry; `None`: as much as suits the link.

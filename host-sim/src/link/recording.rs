@@ -56,6 +56,11 @@ impl<T> Default for Lists<T> {
 }
 
 impl<T: Copy> Lists<T> {
+    fn forget(&mut self) {
+        self.frames.clear();
+        self.items.clear();
+    }
+
     fn take(&mut self, subapertures: usize, frame: u32, first: u16, items: &[T]) {
         if first == 0 {
             self.cut += u32::from(self.pending.is_some());
@@ -113,6 +118,15 @@ impl Recording {
             Record::Codes { frame, first, items } => self.codes.take(count, frame, first, &items),
             Record::Fluxes { frame, first, items } => self.fluxes.take(count, frame, first, &items),
         }
+    }
+
+    /// Forgets what is complete.
+    pub fn forget(&mut self) {
+        self.frames.clear();
+        self.slopes.forget();
+        self.commands.forget();
+        self.codes.forget();
+        self.fluxes.forget();
     }
 
     /// Frames' records that have come.
