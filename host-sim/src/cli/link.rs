@@ -76,6 +76,18 @@ fn place(text: &str) -> Result<Place, String> {
     }
 }
 
+/// One number, or several with commas between.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Numbers(pub Vec<f64>);
+
+fn numbers(text: &str) -> Result<Numbers, String> {
+    let number = |text: &str| {
+        text.parse()
+            .map_err(|_| format!("{text:?} must be a number, or several with commas between"))
+    };
+    text.split(',').map(number).collect::<Result<_, _>>().map(Numbers)
+}
+
 /// What to do with a board.
 #[derive(Clone, Debug, Subcommand)]
 pub enum Action {
@@ -99,10 +111,9 @@ pub enum Action {
         /// Its name
         name: String,
         /// Value in the parameter's unit; several with commas between
-        #[arg(value_delimiter = ',', allow_hyphen_values = true)]
-        values: Vec<f64>,
+        #[arg(value_parser = numbers, allow_hyphen_values = true)]
+        values: Numbers,
         /// Subaperture, in mask order [default: all]
-        #[arg(long)]
         index: Option<u16>,
     },
     /// Loads the configuration of an instrument description (TOML), checks it and has it run
@@ -132,7 +143,7 @@ pub enum Action {
     /// Safe: laser and high voltage off
     Disarm,
     /// A segment to a position, in modes calibrate and test-pattern
-    #[command(allow_negative_numbers = true)]
+    #[command(allow_hyphen_values = true)]
     Poke {
         /// Subaperture, in mask order
         subaperture: u16,
@@ -144,7 +155,7 @@ pub enum Action {
         tilt: f64,
     },
     /// Another range for the gate
-    #[command(allow_negative_numbers = true)]
+    #[command(allow_hyphen_values = true)]
     Gate {
         /// Of the beacon's middle above the telescope, m
         altitude: f64,

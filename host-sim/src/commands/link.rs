@@ -99,7 +99,8 @@ fn open(args: &LinkArgs, instrument: Instrument) -> Result<Session, Error> {
     let (operator, identity) = Operator::new(name, transport, frames)?;
     let mut session = Session { operator, identity, instrument };
     if session.operator.is_emulated() {
-        session.load_description()?;
+        let (image, subapertures) = session.described()?;
+        session.operator.start(&image, subapertures)?;
     }
     Ok(session)
 }
@@ -115,10 +116,10 @@ fn ask_for_light(light: Light) -> Result<(), Error> {
 }
 
 impl Session {
-    fn load_description(&mut self) -> Result<u32, Error> {
+    /// The image of the description's configuration, without a calibration, and its subapertures.
+    fn described(&self) -> Result<(Vec<u8>, usize), Error> {
         let reconstructor = Reconstructor::new(&self.instrument)?;
-        let image = image(&reconstructor.spec(), &[], 0)?;
-        self.upload(&image)
+        Ok((image(&reconstructor.spec(), &[], 0)?, reconstructor.mask().count()))
     }
 
     fn upload(&mut self, image: &[u8]) -> Result<u32, Error> {
@@ -136,14 +137,15 @@ impl Session {
             Action::Faults => self.faults(),
             Action::Get { name, index } => self.get(name, *index),
             Action::Set { name, values, index } => {
-                let hash = operator.set(name, values, *index)?;
+                let hash = operator.set(name, &values.0, *index)?;
                 Ok(runs("set", hash))
             }
             Action::Upload { file } => {
                 let instrument = Instrument::load(file)?;
                 instrument.check()?;
                 self.instrument = instrument;
-                let hash = self.load_description()?;
+                let image = self.described()?.0;
+                let hash = self.upload(&image)?;
                 Ok(runs("upload", hash))
             }
             Action::ReadBack { file } => self.read_back(file),
@@ -352,7 +354,7 @@ impl Session {
             Some((degrees, true)) => format!("x reflected, then turned by {degrees} degrees"),
             None => "no turn or reflection of the pupil".into(),
         };
-        let reflected = if found.reflected { ", y reflected before" } else { "" };
+        let reflected = if found.reflected { ", x reflected before" } else { "" };
         Ok(Found {
             table: vec![
                 (

@@ -6,7 +6,8 @@
 //! c0   = mean centroid with the mirror flat               y = c - c0, px
 //! u_j  = t (1 if the segment of spot j is poked, else 0) - t / M       M spots see no mean tilt
 //! R_j  = - (sum y u^T) (sum u u^T)^-1                     px per m of wavefront, over all pokes
-//! G_j  = R_j^-1                                           quality = 1 - sum |y + R u|^2 / sum |y|^2
+//! G_j  = R_j^-1                                           m of wavefront per px
+//! quality = 1 - sum |y + R u|^2 / sum |y|^2               over each spot's own pokes
 //! ```
 //!
 //! Each segment is tilted by itself, to both sides along both axes; the spot that moves most is its own.
@@ -71,7 +72,7 @@ pub struct Calibrated {
     /// That arrangement as a quarter turn and a reflection of the pupil, if it is one: degrees from +x
     /// towards +y, after x was reflected if so.
     pub arrangement: Option<(u16, bool)>,
-    /// Mean rotation of the spots' motion, degrees from +x towards +y, after y was reflected if so.
+    /// Mean rotation of the spots' motion, degrees from +x towards +y, after x was reflected if so.
     pub rotation_deg: f64,
     /// Whether the motion is reflected.
     pub reflected: bool,
@@ -457,9 +458,13 @@ fn fit(windows: &[usize], tilts: &Tilts, poke_m: f64) -> Result<Gains, Error> {
             response[0][axis] -= x * u / u_square;
             response[1][axis] -= y * u / u_square;
         }
-        for (axis, u, [x, y]) in each() {
-            left += square(&[x + response[0][axis] * u, y + response[1][axis] * u]);
-            all += square(&[x, y]);
+        // Of its own pokes: what is explained of the others' is little, and noise is not.
+        for (axis, sides) in tilts.motions[segment].iter().enumerate() {
+            for (side, motion) in [1.0, -1.0].into_iter().zip(sides) {
+                let ([x, y], u) = (motion[spot], seen(segment, side));
+                left += square(&[x + response[0][axis] * u, y + response[1][axis] * u]);
+                all += square(&[x, y]);
+            }
         }
         responses.push(response);
     }
@@ -482,7 +487,7 @@ fn inverse(matrix: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
     [[d * scale, -b * scale], [-c * scale, a * scale]]
 }
 
-/// Mean rotation, degrees; whether there is a reflection of y before it; and mean scale.
+/// Mean rotation, degrees; whether there is a reflection of x before it; and mean scale.
 fn mean_motion(responses: &[[[f64; 2]; 2]]) -> (f64, bool, f64) {
     let n = responses.len() as f64;
     let mut mean = [[0.0; 2]; 2];
@@ -492,7 +497,7 @@ fn mean_motion(responses: &[[[f64; 2]; 2]]) -> (f64, bool, f64) {
     }
     let [[a, b], [c, d]] = mean;
     let reflected = determinant(mean) < 0.0;
-    let angle = if reflected { (c + b).atan2(a - d) } else { (c - b).atan2(a + d) };
+    let angle = if reflected { (-c - b).atan2(d - a) } else { (c - b).atan2(a + d) };
     (angle.to_degrees(), reflected, determinant(mean).abs().sqrt())
 }
 

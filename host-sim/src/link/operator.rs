@@ -388,6 +388,19 @@ impl Operator {
         self.switch()
     }
 
+    /// Loads an image into an emulated board at its start, with the mirror flat.
+    ///
+    /// # Errors
+    /// [`OperatorError`].
+    pub fn start(&mut self, image: &[u8], subapertures: usize) -> Result<(), OperatorError> {
+        let doing = "when it was configured";
+        let loaded = self.client.load(image).map_err(|failure| self.failed(doing, failure))?;
+        loaded.map_err(|reason| OperatorError::Refused { board: self.board, doing, reason })?;
+        let state = self.client.reset(subapertures);
+        self.state = state.map_err(|failure| self.failed(doing, failure))?;
+        Ok(())
+    }
+
     /// Does these things to the other bank; where one is refused, it is given up.
     fn draft(
         &mut self,
