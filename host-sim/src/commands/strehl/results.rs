@@ -211,7 +211,10 @@ pub(in crate::commands) fn style(comparator: Comparator) -> (&'static str, &'sta
 }
 
 /// The table: one line an N and sensor, one an N and pair, then the budget.
-pub(in crate::commands) fn table(campaign: &Campaign, result: &StrehlResult) -> Vec<(&'static str, String)> {
+pub(in crate::commands) fn table(
+    campaign: &Campaign,
+    result: &StrehlResult,
+) -> Vec<(&'static str, String)> {
     let comparators = &campaign.comparators;
     let mut table = Vec::new();
     let pairs = comparators.len() * (comparators.len() - 1) / 2;
