@@ -18,6 +18,8 @@ const WIDEST: f64 = 44.0;
 const MARK: f64 = 3.0;
 const CAP: f64 = 4.0;
 const INK: Stroke = Stroke::solid("#111111", 1.4);
+/// Around ink that lies on a bar.
+const HALO: Stroke = Stroke::solid("#ffffff", 4.0);
 
 /// A term of all stacks.
 #[derive(Clone, Copy, Debug)]
@@ -128,13 +130,15 @@ fn mark(axes: &mut Axes, stack: &Stack) {
     if !stack.total.is_finite() {
         return;
     }
-    axes.canvas.circle(axes.place(stack.x, stack.total), MARK, INK);
-    if stack.error.is_finite() {
-        let [middle, low] = axes.place(stack.x, stack.total - stack.error);
-        let [_, high] = axes.place(stack.x, stack.total + stack.error);
-        axes.canvas.line([middle, low], [middle, high], INK);
-        for end in [low, high] {
-            axes.canvas.line([middle - CAP, end], [middle + CAP, end], INK);
+    for stroke in [HALO, INK] {
+        axes.canvas.circle(axes.place(stack.x, stack.total), MARK, stroke);
+        if stack.error.is_finite() {
+            let [middle, low] = axes.place(stack.x, stack.total - stack.error);
+            let [_, high] = axes.place(stack.x, stack.total + stack.error);
+            axes.canvas.line([middle, low], [middle, high], stroke);
+            for end in [low, high] {
+                axes.canvas.line([middle - CAP, end], [middle + CAP, end], stroke);
+            }
         }
     }
 }

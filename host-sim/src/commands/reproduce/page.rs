@@ -64,8 +64,8 @@ pub(super) fn page(
     body += &differences(&data);
     body += &parameters(&data)?;
     Ok(format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
          <title>SPLASH: the paper's figures, reproduced</title>\n<style>\n{STYLE}</style>\n</head>\n\
          <body>\n{body}</body>\n</html>\n"
     ))
@@ -111,12 +111,6 @@ fn sensing(data: &Data<'_>) -> Result<String, Error> {
     );
     for array in &data.theory.arrays {
         let residuals = &array.residuals;
-        let range = |values: &[f64]| {
-            let ends = values.iter().fold([f64::INFINITY, 0.0], |[low, high], &v| {
-                [f64::min(low, v), f64::max(high, v)]
-            });
-            ends.map(|end| format!("{:.1} %", 100.0 * end)).join(" to ")
-        };
         let _ = write!(
             out,
             "<p>N = {}, radial orders {} to {}: SPLASH leaves {} of what it senses, an LGS {}; with \
@@ -149,9 +143,10 @@ fn sensing(data: &Data<'_>) -> Result<String, Error> {
             rows.push(row);
         }
     }
+    let all = html::links(&["residuals.csv"]);
     let caption =
-        "Fractions of the sensed variance, but for the last column: residuals.csv has all.";
-    out += &html::table(caption, &heads.map(String::from), &rows);
+        format!("Fractions of the sensed variance, but for the last column: {all} has all.");
+    out += &html::table(&caption, &heads.map(String::from), &rows);
     Ok(out)
 }
 
@@ -161,7 +156,7 @@ fn ratios(data: &Data<'_>) -> Result<String, Error> {
     out += &html::figure(
         &data.picture("strehl.svg")?,
         &format!(
-            "On-axis Strehl ratio, |&lt;exp(i phi)&gt;|&sup2; over the pupil with tip and tilt removed. {}. \
+            "On-axis Strehl ratio, |&lt;exp(i phi)&gt;|² over the pupil with tip and tilt removed. {}. \
              N = D/r0 subapertures across, piston, tip and tilt segments; fit is the best that they can do, \
              whatever the sensor. The paper has SPLASH and LGS.",
             html::text(&capital(&format!(
@@ -184,7 +179,8 @@ fn ratios(data: &Data<'_>) -> Result<String, Error> {
             row
         })
         .collect();
-    out += &html::table("Strehl ratios: strehl.csv, paired.csv, screens.csv.", &heads, &rows);
+    let files = html::links(&["strehl.csv", "paired.csv", "screens.csv"]);
+    out += &html::table(&format!("Strehl ratios: {files}."), &heads, &rows);
     Ok(out)
 }
 
@@ -220,7 +216,7 @@ fn budget(data: &Data<'_>) -> Result<String, Error> {
             row
         };
         let rows: Vec<_> = of_sensor.iter().zip(&data.campaign.tasks).map(row).collect();
-        let caption = format!("{}, rad&sup2;: budget.csv.", name(comparator));
+        let caption = format!("{}, rad²: {}.", name(comparator), html::links(&["budget.csv"]));
         out += &html::table(&caption, &heads, &rows);
     }
     Ok(out)
@@ -231,6 +227,7 @@ fn differences(data: &Data<'_>) -> String {
     let mut out = "<h2>Where this differs from the paper's text</h2>\n".to_string();
     out += &advantage(data);
     out += &lever_arm(data);
+    out += &by_order(data);
     out += &speckle(data);
     out += SLIPS;
     out
@@ -262,31 +259,24 @@ fn advantage(data: &Data<'_>) -> String {
             let _ = write!(out, "In this run {words} at D/r0 = {}. ", html::list(&those));
         }
     }
-    out += "</p>\n<p>What only a beacon does costs each of them, aliasing and fitting being the same: ";
-    let costs = tasks.iter().filter_map(|task| {
+    out += "(The text does not list the values that it simulates.)</p>\n";
+    let row = |task: &Task| {
         let [splash, lgs] = beacon(task)?;
-        let Mean { mean, standard_error } = Mean::of_differences(&splash, &lgs);
-        let [splash, lgs] = [Mean::of(&splash), Mean::of(&lgs)];
-        let cost = |m: Mean| with_error(m.mean, m.standard_error);
-        let words = match Verdict::of(mean, standard_error) {
-            Verdict::Above => "more for SPLASH",
-            Verdict::Below => "less for SPLASH",
-            Verdict::Undecided => "not told apart",
-        };
-        Some(format!(
-            "{} and {} rad&sup2; at D/r0 = {} ({words})",
-            cost(splash),
-            cost(lgs),
-            ratio(task)
-        ))
-    });
-    let costs: Vec<String> = costs.collect();
-    let _ = write!(
-        out,
-        "SPLASH and LGS, cone, lever arm and return path together, {}. The cone grows with the pupil for the \
-         LGS only; the return path is SPLASH's own.</p>\n",
-        html::list(&costs)
-    );
+        let difference = Mean::of_differences(&splash, &lgs);
+        let cells = [Mean::of(&splash), Mean::of(&lgs)];
+        let mut row = vec![ratio(task)];
+        row.extend(cells.map(|cell| with_error(cell.mean, cell.standard_error)));
+        row.push(signed(difference.mean, difference.standard_error));
+        Some(row)
+    };
+    let rows: Vec<_> = tasks.iter().filter_map(row).collect();
+    if !rows.is_empty() {
+        let caption = "What a beacon adds, rad²: cone, lever arm and return path together. Fitting and \
+                       aliasing are the same for both. The cone of an LGS takes in the whole pupil, SPLASH's \
+                       only each subaperture; the return path is SPLASH's own.";
+        let heads = ["D/r0", "SPLASH", "LGS", "SPLASH - LGS"].map(String::from);
+        out += &html::table(caption, &heads, &rows);
+    }
     out
 }
 
@@ -337,9 +327,10 @@ fn lever_arm(data: &Data<'_>) -> String {
     if rows.is_empty() {
         return out + "<p>This run has no layer above the ground.</p>\n";
     }
-    let caption = "The lever arm's term, rad&sup2;. It depends on what the cone before it has left to \
-                   correct; the last column is a circular pupil whose every mode is corrected.";
-    let caption = if plain { caption } else { "The lever arm's term, rad&sup2;." };
+    let caption = "The lever arm's term, rad². It depends on the cone before it: an LGS sees the layer \
+                   magnified, its gradients taken whole are too steep, and the lever arm takes part of \
+                   that back. The last column is a circular pupil whose every mode is corrected.";
+    let caption = if plain { caption } else { "The lever arm's term, rad²." };
     out += &html::table(caption, &heads, &rows);
     if !apart.is_empty() {
         let list = html::list(&apart);
@@ -350,42 +341,70 @@ fn lever_arm(data: &Data<'_>) -> String {
     out
 }
 
+/// Is SPLASH's fraction the same in all orders?
+fn by_order(data: &Data<'_>) -> String {
+    let mut out = "<h3>Radial orders</h3>\n<blockquote>The fractional residual variance in each mode [...] is \
+                   roughly constant at each spatial scale for SPLASH, whereas the effect of FA on a \
+                   conventional LGS becomes more severe as the spatial frequency of the aberrations \
+                   increases. (Section 3)</blockquote>\n"
+        .to_string();
+    for array in &data.theory.arrays {
+        let residuals = &array.residuals;
+        let _ = writeln!(
+            out,
+            "<p>N = {}: without the lever arm SPLASH's fraction goes from {} here, with it from {}.</p>",
+            array.n,
+            range(&residuals.splash.sensed),
+            range(&residuals.splash_lever.sensed),
+        );
+    }
+    out
+}
+
+/// The least and the largest fraction, in words.
+fn range(fractions: &[f64]) -> String {
+    let least = fractions.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = fractions.iter().copied().fold(0.0, f64::max);
+    format!("{:.1} % to {:.1} %", 100.0 * least, 100.0 * most)
+}
+
 /// Do the speckles of the return path matter?
 fn speckle(data: &Data<'_>) -> String {
-    let mut out = "<h3>Speckle on the return path</h3>\n<blockquote>As D/r0 increases further, the residual \
+    let mut out =
+        "<h3>Speckle on the return path</h3>\n<blockquote>As D/r0 increases further, the residual \
                    wavefront error will worsen and centroid anisoplanatism become more noticeable. \
-                   (Section 4)</blockquote>\n<p>The images' term, of diffraction, speckle, windows and \
-                   threshold together, in rad&sup2;: "
-        .to_string();
-    let terms = data.campaign.tasks.iter().filter_map(|task| {
+                   (Section 4)</blockquote>\n"
+            .to_string();
+    let row = |task: &Task| {
         let of = |comparator| data.budget(task, comparator)?.term(Step::Images);
-        let (splash, lgs) = (of(Comparator::Splash)?, of(Comparator::Lgs)?);
-        Some(format!(
-            "{} for SPLASH and {} for the LGS at D/r0 = {}",
-            signed(splash.variance_rad2, splash.se),
-            signed(lgs.variance_rad2, lgs.se),
-            ratio(task)
-        ))
-    });
-    out += &html::list(&terms.collect::<Vec<_>>());
-    out + ".</p>\n"
+        let terms = [of(Comparator::Splash)?, of(Comparator::Lgs)?, of(Comparator::Ngs)?];
+        let mut row = vec![ratio(task)];
+        row.extend(terms.map(|term| signed(term.variance_rad2, term.se)));
+        Some(row)
+    };
+    let rows: Vec<_> = data.campaign.tasks.iter().filter_map(row).collect();
+    let heads = ["D/r0", "SPLASH", "LGS", "NGS"].map(String::from);
+    let caption = "The images' term, rad²: diffraction, speckle, windows and threshold together. Only \
+                   SPLASH's images are made through the whole pupil.";
+    out += &html::table(caption, &heads, &rows);
+    out
 }
 
 /// Of use to whoever recomputes section 3.
 const SLIPS: &str = "<h3>For those who recompute section 3</h3>\n\
 <p>As printed, some equations do not give the figure. Here:</p>\n<ul>\n\
-<li>Gradients are in rad of phase per pupil radius; the (lambda/2 pi)&sup2; of angles cancels with \
+<li>Gradients are in rad of phase per pupil radius; the (lambda/2 pi)² of angles cancels with \
 pi D/lambda.</li>\n\
-<li>The factor before a covariance of gradients is 1/(2 A_i A_l) with the areas of the two squares, d&sup2; or \
-(beta d)&sup2;, not 1/(2 d&sup2;).</li>\n\
+<li>The factor before a covariance of gradients is 1/(2 A_i A_l) with the areas of the two squares, d² or \
+(beta d)², not 1/(2 d²).</li>\n\
 <li>In I'' the subapertures of SPLASH keep their separation: (u + x)/(beta d), not (u + beta x)/(beta d), \
 which is an LGS's.</li>\n\
 <li>For an LGS, G' is a function of r_i - beta r_l, and G'' of beta (r_i - r_l).</li>\n\
 <li>C' = D^-1 G' (D'^-1)^T: the first factor belongs to b, the second to b'. An LGS has D^-1 for both, \
 as its D' would extrapolate from a smaller disc.</li>\n\
 <li>g is a mean over the subaperture, and W = 1/pi in the coefficients a_j.</li>\n\
-<li>The paper's a = b is used in every term, &lt;(b - b')&sup2;&gt;/&lt;b&sup2;&gt;: with &lt;a&sup2;&gt; in \
-place of &lt;b&sup2;&gt; fractions can be negative.</li>\n\
+<li>The paper's a = b is used in every term, &lt;(b - b')²&gt;/&lt;b²&gt;: with &lt;a²&gt; in \
+place of &lt;b²&gt; fractions can be negative.</li>\n\
 <li>Tip and tilt are fitted and then left out; radial orders up to 7 and 10 are fitted for N = 8 \
 and 12.</li>\n</ul>\n";
 
