@@ -211,7 +211,7 @@ fn what_cannot_be_is_refused_before_it_starts() {
     refused(at, &["--n", "40", "--screens", "10000000"], &["days", "GB", "--long", "--screens"]);
     refused(
         at,
-        &["--n", "16", "--screens", "100000", "--budget", "--sensors", "splash"],
+        &["--n", "16", "--screens", "1000000", "--budget", "--sensors", "splash"],
         &["days"],
     );
     let layer = "[[atmosphere.layers]]\nweight = 1\nheight_m = 1\nwind_speed_m_per_s = 0\n\

@@ -17,7 +17,7 @@ pub(super) fn text(text: &str) -> String {
     out
 }
 
-/// A table with a line of heads; the first cell of each row heads it.
+/// A table with a caption, HTML, and a line of heads; the first cell of each row heads it.
 pub(super) fn table(caption: &str, heads: &[String], rows: &[Vec<String>]) -> String {
     let cells = |tag: &str, scope: &str, cells: &[String]| -> String {
         cells.iter().fold(String::new(), |mut out, cell| {
@@ -39,13 +39,13 @@ pub(super) fn table(caption: &str, heads: &[String], rows: &[Vec<String>]) -> St
     out + "</tbody></table></div>\n"
 }
 
-/// A picture from the text of an SVG file.
+/// A picture from the text of an SVG file, called what the first sentence of its caption, HTML, says.
 pub(super) fn figure(svg: &str, caption: &str) -> String {
     let start = svg.find("<svg").unwrap_or(0);
     let name = caption.split('.').next().unwrap_or_default();
     format!(
         "<figure><div class=\"picture\" role=\"img\" aria-label=\"{}\">{}</div>\n<figcaption>{caption}</figcaption></figure>\n",
-        text(name),
+        name.replace('"', "&quot;"),
         &svg[start..]
     )
 }

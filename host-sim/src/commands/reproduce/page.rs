@@ -1,10 +1,10 @@
 //! The page: pictures and tables with what they say, as far as the data of this run says it.
 
-use super::super::campaign::{Campaign, Task};
-use super::super::strehl::budget::{BudgetResult, in_words, with_error};
-use super::super::strehl::results::{PairResult, StrehlResult};
-use super::super::theory::TheoryResult;
 use super::html;
+use crate::commands::campaign::{Campaign, Task};
+use crate::commands::strehl::budget::{BudgetResult, in_words, with_error};
+use crate::commands::strehl::results::{PairResult, StrehlResult, style};
+use crate::commands::theory::TheoryResult;
 use crate::error::Error;
 use crate::monte_carlo::budget::{Step, lever_arm_rad2};
 use crate::monte_carlo::comparator::Comparator;
@@ -111,10 +111,10 @@ fn sensing(data: &Data<'_>) -> Result<String, Error> {
     );
     for array in &data.theory.arrays {
         let residuals = &array.residuals;
-        let _ = write!(
+        let _ = writeln!(
             out,
             "<p>N = {}, radial orders {} to {}: SPLASH leaves {} of what it senses, an LGS {}; with \
-             the lever arm, {} and {}.</p>\n",
+             the lever arm, {} and {}.</p>",
             array.n,
             residuals.orders.first().unwrap_or(&0),
             residuals.orders.last().unwrap_or(&0),
@@ -448,10 +448,10 @@ fn parameters(data: &Data<'_>) -> Result<String, Error> {
     ];
     let rows: Vec<Vec<String>> = rows.iter().map(|row| row.map(String::from).into()).collect();
     out += &html::table("Section 4 and the budget.", &["", "value"].map(String::from), &rows);
-    let _ = write!(out, "<p>Files: {}.</p>\n", html::links(data.files));
-    let _ = write!(
+    let _ = writeln!(out, "<p>Files: {}.</p>", html::links(data.files));
+    let _ = writeln!(
         out,
-        "<details><summary>The instrument for N = {}</summary><pre>{}</pre></details>\n",
+        "<details><summary>The instrument for N = {}</summary><pre>{}</pre></details>",
         point.n(),
         html::text(&instrument.to_toml()?)
     );
@@ -478,7 +478,7 @@ impl Data<'_> {
 }
 
 fn name(comparator: Comparator) -> &'static str {
-    super::super::strehl::results::style(comparator).0
+    style(comparator).0
 }
 
 /// D/r0 in at most two decimals.

@@ -1,6 +1,6 @@
 //! The error budget as a table, JSON, CSV, FITS and a figure.
 
-use crate::commands::campaign::Campaign;
+use crate::commands::campaign::{Campaign, Task};
 use crate::error::Error;
 use crate::figures::{Stack, StackPanel, Term, stacks};
 use crate::files::csv::SeriesWriter;
@@ -153,7 +153,7 @@ fn draw(path: &Path, campaign: &Campaign, budgets: &[BudgetResult]) -> Result<()
     let sensors = sensors(budgets);
     let panel = |(index, sensor): (usize, &&str)| {
         let of_sensor = budgets.iter().skip(index).step_by(sensors.len());
-        let stack = |(budget, task): (&BudgetResult, &crate::commands::campaign::Task)| {
+        let stack = |(budget, task): (&BudgetResult, &Task)| {
             let value = |step| budget.term(step).map_or(0.0, |term| term.variance_rad2);
             Stack {
                 x: task.diameter_in_r0(),
