@@ -341,7 +341,7 @@ pub struct StrehlArgs {
 /// says where they differ from the paper's text. A screen that is finished is kept and not run again.
 #[derive(Clone, Debug, Args)]
 pub struct ReproduceArgs {
-    /// 30 screens for each N: two minutes or so on two cores [this is the default]
+    /// 30 screens for each N: one to two minutes on two cores [this is the default]
     #[arg(long, conflicts_with = "full")]
     pub(crate) quick: bool,
     /// 150 screens for N up to 12, 50 for 16

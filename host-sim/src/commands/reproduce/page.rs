@@ -328,8 +328,8 @@ fn lever_arm(data: &Data<'_>) -> String {
         return out + "<p>This run has no layer above the ground.</p>\n";
     }
     let caption = "The lever arm's term, rad². It depends on the cone before it: an LGS sees the layer \
-                   magnified, its gradients taken whole are too steep, and the lever arm takes part of \
-                   that back. The last column is a circular pupil whose every mode is corrected.";
+                   magnified, and gradients taken whole are then too steep, which a term below zero takes \
+                   back. The last column is a circular pupil whose every mode is corrected.";
     let caption = if plain { caption } else { "The lever arm's term, rad²." };
     out += &html::table(caption, &heads, &rows);
     if !apart.is_empty() {
