@@ -121,7 +121,8 @@ impl Science {
         let moments = arch.dispatch(|| columns.moments(residual, coordinates));
         let plane =
             self.inverse.map(|row| row.iter().zip(moments).map(|(a, b)| a * b).sum::<f64>());
-        let [square, re, im] = arch.dispatch(Flatten { plane, coordinates, lit, residual, columns });
+        let [square, re, im] =
+            arch.dispatch(Flatten { plane, coordinates, lit, residual, columns });
         let count = pupil.illuminated_samples() as f64;
         let half_m = pupil.diameter_m() / 2.0;
         Observation {
@@ -180,7 +181,9 @@ impl WithSimd for Flatten<'_> {
         let rows = residual.chunks_exact_mut(side).zip(lit.chunks_exact(side)).zip(coordinates);
         for ((row, lit), y) in rows {
             let fitted = piston + slope_y * y;
-            for (((phase, lit), x), kept) in row.iter_mut().zip(lit).zip(coordinates).zip(&mut *line) {
+            for (((phase, lit), x), kept) in
+                row.iter_mut().zip(lit).zip(coordinates).zip(&mut *line)
+            {
                 *phase = lit * (f64::from(*phase) - (fitted + slope_x * x)) as f32;
                 *kept = *phase;
             }
