@@ -365,7 +365,7 @@ fn safety() -> Vec<Case> {
 
 fn all() -> Vec<Case> {
     let light = [geometry(), pixels(), estimators(), slopes(), gate(), schedule()];
-    light.into_iter().chain([control(), segments(), safety()]).into_iter().flatten().collect()
+    light.into_iter().chain([control(), segments(), safety()]).flatten().collect()
 }
 
 #[test]
