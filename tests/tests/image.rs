@@ -2,7 +2,9 @@
 
 use splash_firmware::config::Config;
 use splash_firmware::error::Field;
+use splash_firmware::gate::ShortFrame;
 use splash_firmware::image::ImageError;
+use splash_firmware::mirror::Serials;
 use splash_firmware::pipeline::Pipeline;
 use splash_firmware::pixels::Convention;
 use splash_firmware::spec::Estimator;
@@ -55,6 +57,14 @@ fn varied(estimator: Estimator, convention: Convention, rng: &mut Rng) -> Instru
     instrument.matrix = Values::Each(tips.iter().map(matrix).collect());
     instrument.slew_m_per_frame = Some(stroke / 50.0);
     instrument.delay_frames = 2;
+    instrument.lattice = Some([2, 0, 2]);
+    instrument.gate.short_frame = ShortFrame::Drop;
+    instrument.safety.valid_min = 0.7;
+    instrument.safety.flux_min_adu = 1e4;
+    instrument.safety.flux_max_adu = 1e9;
+    instrument.safety.saturated_pixels_max = 17;
+    instrument.safety.saturated_share = 0.3;
+    instrument.serials = Serials { mirror: 0xdead_beef, detector: 4711 };
     instrument
 }
 
@@ -79,6 +89,10 @@ fn a_loaded_image_is_the_saved_configuration() {
         assert!(image(&loaded) == bytes, "what is loaded is saved as the same bytes");
         assert_eq!(loaded.omega(), built.omega());
         assert_eq!(loaded.timing(), built.timing());
+        assert_eq!((loaded.range(), loaded.short_frame()), (built.range(), ShortFrame::Drop));
+        assert_eq!((loaded.quality(), loaded.ladder()), (built.quality(), built.ladder()));
+        assert_eq!(loaded.serials(), Serials { mirror: 0xdead_beef, detector: 4711 });
+        assert_eq!((loaded.colours(), loaded.colouring()), (4, built.colouring()));
 
         let mut expected = Box::new(Pipeline::<64, 2048>::new());
         let mut found = Box::new(Pipeline::<81, 1024>::new());

@@ -22,7 +22,7 @@ const DCMI: usize = EXCEPTIONS + 78;
 const PEND_SV: usize = 14;
 
 /// Modules that a frame passes: the library's, and the board's.
-const FRAME_PATH: [&str; 14] = [
+const FRAME_PATH: [&str; 15] = [
     "15splash_firmware8pipeline",
     "15splash_firmware7readout",
     "15splash_firmware8centroid",
@@ -30,6 +30,7 @@ const FRAME_PATH: [&str; 14] = [
     "15splash_firmware6slopes",
     "15splash_firmware7control",
     "15splash_firmware3sor",
+    "15splash_firmware6mirror",
     "15splash_firmware8segments",
     "15splash_firmware9actuators",
     "15splash_firmware3dsp",
