@@ -562,8 +562,9 @@ impl<const M: usize, const B: usize> Controller<M, B> {
                 return Err(Refusal::NotFlat);
             }
         }
-        // One that tracks the zenith angle goes on doing so.
-        let tracked = same_mask && before.range() == config.range();
+        // One that tracks the zenith angle goes on doing so; on a bench none was asked for yet.
+        let tracked =
+            same_mask && before.range() == config.range() && self.gate.asked() != Range::default();
         let range = if tracked { self.gate.asked() } else { config.range() };
         self.gate.ask(range, &config.timing()).map_err(Refusal::Gate)?;
         if !same_mask {
@@ -599,6 +600,12 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     #[must_use]
     pub const fn pipeline(&self) -> &Pipeline<M, B> {
         &self.pipeline
+    }
+
+    /// The frame path by itself, past modes, ladder and gate: for a bench without a mirror. What drives
+    /// a mirror never calls this.
+    pub const fn bench(&mut self) -> &mut Pipeline<M, B> {
+        &mut self.pipeline
     }
 
     /// The DAC codes: valid at any time.

@@ -11,7 +11,7 @@ const ENTRIES: [&str; 3] = ["probe_begin", "probe_push_row", "probe_finish"];
 const STACK_LIMIT: u64 = 2048;
 
 const KIB: u64 = 1024;
-/// Bytes of a calibration bank: two of them leave 30 KiB for a ring of rows in 256 KiB.
+/// Bytes of a calibration bank: two of them leave 30 KiB of 256 for a ring of rows.
 const BANK_LIMIT: u64 = 113 * KIB;
 /// Bytes of hot state.
 const STATE_LIMIT: u64 = 64 * KIB - STACK_LIMIT;
@@ -92,6 +92,23 @@ fn the_frame_path_breaks_no_rule() {
         }
     }
     assert!(found.is_empty(), "\n{}", found.join("\n"));
+}
+
+/// What bytes from outside reach: the link's decoder and encoder, uploads, adjustments, commands, telemetry.
+/// That it links says the same, since its panic handler calls a function that there is not.
+#[test]
+fn bytes_from_outside_reach_no_panic() {
+    for target in TARGETS {
+        let image = image(target, "link");
+        for entry in
+            ["decode", "encode", "upload", "adjust", "exchange", "read", "command", "telemetry"]
+        {
+            let reached = image.reached(image.entry(&format!("probe_{entry}")));
+            let panics = |chain: &&Vec<&str>| chain.iter().any(|name| name.contains("9panicking"));
+            let found: Vec<_> = reached.values().filter(panics).collect();
+            assert!(found.is_empty(), "{target}, {entry}: {found:?}");
+        }
+    }
 }
 
 /// The check itself: a program that breaks each rule once is caught each time.
