@@ -43,6 +43,8 @@ enum Command {
     Theory(TheoryArgs),
     /// Compares sensors over independent phase screens: the paper's Strehl ratios against D/r0.
     Strehl(StrehlArgs),
+    /// Runs frames by the million on a quick sky, and looks after each at what must hold for ever.
+    Endure(EndureArgs),
     /// Prints the default instrument description (TOML) with comments.
     Config,
 }
@@ -328,6 +330,47 @@ pub struct StrehlArgs {
     pub(crate) output: OutputArgs,
 }
 
+/// `host-sim endure`.
+///
+/// Gaussian spots move as drifting waves of changing seeing move them. Every frame has to move the
+/// mirror; mean piston and tilt stay within a DAC LSB of zero; the totals are those counted here; on an
+/// emulated board, least and most of a frame's cost are told.
+#[derive(Clone, Debug, Args)]
+pub struct EndureArgs {
+    /// Instrument description (TOML), laid over the default one
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Where the firmware library runs
+    #[arg(long, value_enum, default_value_t = BoardName::Host)]
+    pub(crate) board: BoardName,
+    /// Subapertures across the pupil, 4 to 40 [default: the description's, 8]
+    #[arg(long, value_name = "N", value_parser = subapertures(), allow_negative_numbers = true)]
+    pub(crate) n: Option<usize>,
+    /// Frames to run; the default takes about two minutes
+    #[arg(
+        long,
+        value_name = "FRAMES",
+        default_value_t = 1_000_000,
+        value_parser = value_parser!(u64).range(1..=4_000_000_000),
+        allow_negative_numbers = true
+    )]
+    pub(crate) frames: u64,
+    /// Seed of waves and noise
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub(crate) seed: u64,
+    /// Seconds without an answer after which an emulated board is given up
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 60,
+        value_parser = value_parser!(u32).range(1..),
+        allow_negative_numbers = true
+    )]
+    pub(crate) patience: u32,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
 /// A sensor's name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum SensorName {
@@ -462,6 +505,7 @@ impl Cli {
             Some(Command::Profile(args)) => commands::profile::run(&args),
             Some(Command::Theory(args)) => commands::theory::run(&args),
             Some(Command::Strehl(args)) => commands::strehl::run(&args),
+            Some(Command::Endure(args)) => commands::endure::run(&args),
             Some(Command::Config) => commands::config::run(),
         }
     }

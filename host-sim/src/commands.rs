@@ -2,6 +2,7 @@
 
 pub mod closed_loop;
 pub mod config;
+pub mod endure;
 pub mod frames;
 mod output;
 pub mod profile;

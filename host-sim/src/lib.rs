@@ -12,7 +12,9 @@
 //! | [`board`] | where the firmware library runs |
 //! | [`mirror`] | DAC codes to the shape of the segments |
 //! | [`profile`] | what a frame costs on a board |
+//! | [`quick`] | a sky and a detector for runs of a million frames |
 //! | [`closed_loop`] | all of them, frame after frame |
+//! | [`endurance`] | a run by the million frames, and what must hold for ever |
 //! | [`summary`] | averages, digest and faults of a run |
 //! | [`monte_carlo`] | Strehl ratios over independent screens, for all sensors |
 //! | [`theory`] | what each sensor can sense, by equations |
@@ -26,6 +28,7 @@ pub mod cli;
 pub mod closed_loop;
 pub mod commands;
 pub mod detector;
+pub mod endurance;
 pub mod error;
 pub mod figures;
 pub mod files;
@@ -36,6 +39,7 @@ pub mod monte_carlo;
 pub mod optics;
 pub mod profile;
 pub mod pupil;
+pub mod quick;
 pub mod reconstructor;
 pub mod screen;
 pub mod summary;
