@@ -48,6 +48,22 @@ pub(crate) struct Drive {
     pub(crate) spare_bits: u32,
 }
 
+impl Drive {
+    /// The height at which an actuator has `code`, ulp of piston relative to flat, to nearest: the
+    /// inverse of [`codes`], off by half a code at most. Saturated to `limit`.
+    pub(crate) fn height(self, response: &Response, code: u16, limit: i32) -> i32 {
+        let code = i64::from(code) << self.spare_bits;
+        let v = match self.law {
+            Law::Linear => code << 15,
+            Law::Quadratic => code * code / 2,
+        };
+        // |v - offset| < 2^32: twice that over the slope's ulp is below 2^54.
+        let rise = (v - i64::from(response.offset)) << (SLOPE_BITS + 1);
+        let doubled = rise.checked_div(i64::from(response.slope)).unwrap_or(0);
+        fixed::saturate((doubled + doubled.signum()) / 2, limit)
+    }
+}
+
 /// The DAC codes for the heights of a segment's actuators.
 #[inline(always)]
 pub(crate) fn codes(

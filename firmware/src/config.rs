@@ -10,12 +10,16 @@ use crate::centroid::{self, EstimatorConfig, Template};
 use crate::control::{ControlConfig, Gains};
 use crate::error::ConfigError;
 use crate::fixed::LENGTH_BITS;
-use crate::gate::GateTiming;
+use crate::gate::{GateTiming, Range, ShortFrame};
 use crate::geometry::{Grid, Mask};
+use crate::ladder::LadderLimits;
+use crate::mirror::Serials;
 use crate::omega;
 use crate::pixels::Bank;
+use crate::quality::QualityLimits;
 use crate::quantise::Quantiser;
 use crate::redblack::{Place, RedBlack};
+use crate::schedule::{self, Schedule};
 use crate::segments::{ACTUATORS, Segment, Travel};
 use crate::slopes::SlopeCalibration;
 use crate::sor::{Coupling, Node, SorConfig};
@@ -74,6 +78,12 @@ pub struct Config<const M: usize, const P: usize, const B: usize> {
     pub(crate) drive: Drive,
     pub(crate) responses: heapless::Vec<[Response; ACTUATORS], M>,
     pub(crate) timing: GateTiming,
+    pub(crate) range: Range,
+    pub(crate) short_frame: ShortFrame,
+    pub(crate) schedule: Schedule<M>,
+    pub(crate) quality: QualityLimits,
+    pub(crate) ladder: LadderLimits,
+    pub(crate) serials: Serials,
     pub(crate) lsb_m: f64,
     pub(crate) adu_per_unit: f64,
     pub(crate) omega: f64,
@@ -115,6 +125,23 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             drive: Drive { law: Law::Linear, spare_bits: 0 },
             responses: heapless::Vec::new(),
             timing: GateTiming { delay_ns: 0, width_ns: 0, period_ns: 0, pulses_per_frame: 0 },
+            range: Range { altitude_mm: 0, depth_mm: 0, zenith_mdeg: 0 },
+            short_frame: ShortFrame::Mark,
+            schedule: Schedule::NONE,
+            quality: QualityLimits {
+                valid_min: 0,
+                flux_min: 0,
+                flux_max: 0,
+                saturated_pixels_max: 0,
+            },
+            ladder: LadderLimits {
+                hold_frames: 0,
+                safe_frames: 0,
+                leak_q16: 0,
+                saturated_actuators: 0,
+                saturated_frames: 0,
+            },
+            serials: Serials { mirror: 0, detector: 0 },
             lsb_m: 0.0,
             adu_per_unit: 0.0,
             omega: 0.0,
@@ -136,6 +163,8 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         let concurrent =
             validate::buffer::<B>(&estimator, spec.windows.size.into(), spec.windows.origins)?;
         let slew_ulp = quantiser.slew_ulp()?;
+        let (quality, ladder) = quantiser.safety()?;
+        schedule::check(spec)?;
         let count = spec.mask.count();
         for i in 0..count {
             quantiser.slope(i)?;
@@ -162,10 +191,16 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         let spare_bits = 16 - u32::from(spec.actuators.dac_bits.clamp(8, 16));
         self.drive = Drive { law: spec.actuators.law, spare_bits };
         self.timing = timing;
+        self.range = spec.gate.range();
+        self.short_frame = spec.gate.short_frame;
+        self.quality = quality;
+        self.ladder = ladder;
+        self.serials = spec.serials;
         self.lsb_m = quantiser.lsb_m;
         self.adu_per_unit = quantiser.adu_per_unit;
         self.fill_nodes(&spec.mask);
         self.fill_subapertures(&quantiser, spec)?;
+        self.schedule.fill(spec);
         self.fill_bank(&quantiser, spec);
         self.travel = Travel::new(quantiser.ratio_bits, slew_ulp, &self.segments);
         self.short_sums = self.sums_are_short();
@@ -191,6 +226,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.base_thresholds.clear();
         self.slopes.clear();
         self.gains.fill(Gains::default());
+        self.schedule.colours.clear();
         self.segments.clear();
         self.responses.clear();
     }
@@ -267,6 +303,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.omega = spec.omega.unwrap_or_else(|| omega::optimal(sor, &self.nodes));
         let sweeps = spec.sweeps.unwrap_or_else(|| omega::sweeps(self.omega, across));
         sor.warm_sweeps = sweeps;
+        self.schedule.share(sweeps);
         sor.cold_sweeps = spec.cold_sweeps.unwrap_or(COLD.saturating_mul(sweeps));
         for node in &self.nodes {
             if let Some(coupling) = sor.couplings.get_mut(node.place) {
@@ -275,6 +312,15 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
                 *coupling = coupling.with_step(libm::round(step * f64::from(1 << 30)) as i32);
             }
         }
+    }
+
+    /// Whether a position of a segment means the same codes in both.
+    pub(crate) fn same_mechanics(&self, other: &Self) -> bool {
+        self.segments == other.segments
+            && self.responses == other.responses
+            && self.drive == other.drive
+            && self.travel == other.travel
+            && self.lsb_m == other.lsb_m
     }
 
     /// Subapertures in use, in mask order.
@@ -311,6 +357,48 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
     #[must_use]
     pub const fn timing(&self) -> GateTiming {
         self.timing
+    }
+
+    /// The range that is gated at the start.
+    #[must_use]
+    pub const fn range(&self) -> Range {
+        self.range
+    }
+
+    /// What becomes of a frame with fewer laser pulses.
+    #[must_use]
+    pub const fn short_frame(&self) -> ShortFrame {
+        self.short_frame
+    }
+
+    /// What a frame must be to be followed.
+    #[must_use]
+    pub const fn quality(&self) -> QualityLimits {
+        self.quality
+    }
+
+    /// When the ladder is climbed.
+    #[must_use]
+    pub const fn ladder(&self) -> LadderLimits {
+        self.ladder
+    }
+
+    /// The mirror and the detector it is for.
+    #[must_use]
+    pub const fn serials(&self) -> Serials {
+        self.serials
+    }
+
+    /// Sub-cycles of a cycle: 1 without a schedule.
+    #[must_use]
+    pub fn colours(&self) -> u8 {
+        self.schedule.count.max(1)
+    }
+
+    /// The colour of each subaperture, in mask order: the sub-cycle that lights it.
+    #[must_use]
+    pub fn colouring(&self) -> &[u8] {
+        &self.schedule.colours
     }
 
     /// Optical path per length ulp, m: the unit of every tip, tilt, piston and height.

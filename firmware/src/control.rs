@@ -67,6 +67,8 @@ pub(crate) struct Control<const M: usize> {
     /// Of the frame being read: the sums of x, and how many.
     sums: [i64; 2],
     valid: u32,
+    /// Of those, that were measured in earlier sub-cycles.
+    retained: u32,
 }
 
 /// Length of the ring of applied commands: a power of two, so that its head wraps by a mask.
@@ -92,6 +94,7 @@ impl<const M: usize> Control<M> {
             open_loop: RedBlack::new([0; 2]),
             sums: [0; 2],
             valid: 0,
+            retained: 0,
         }
     }
 
@@ -99,6 +102,7 @@ impl<const M: usize> Control<M> {
     pub(crate) fn begin(&mut self) {
         self.sums = [0; 2];
         self.valid = 0;
+        self.retained = 0;
     }
 
     /// Ready to take slopes of the frame being read.
@@ -109,6 +113,7 @@ impl<const M: usize> Control<M> {
             open_loop: &mut self.open_loop,
             sums: &mut self.sums,
             valid: &mut self.valid,
+            retained: &mut self.retained,
         }
     }
 
@@ -172,11 +177,65 @@ impl<const M: usize> Control<M> {
         }
     }
 
+    /// Makes the new commands of one colour, of the slopes that were taken since [`Control::begin`] and
+    /// those that others have of earlier sub-cycles; all others hold.
+    ///
+    /// The mean of x is that over the pupil, of everyone's latest: the mean over one colour is no global
+    /// tilt. With it gone from x the mean of c decays by itself, as (1 - g) a cycle, and is left alone.
+    pub(crate) fn update_part(
+        &mut self,
+        config: &ControlConfig,
+        grid: &Grid,
+        gains: &RedBlack<Gains, M>,
+        part: impl Iterator<Item = Place>,
+    ) {
+        let inverse = removal(config.mean, self.valid.wrapping_add(self.retained));
+        let [mean_x, mean_y] = self.sums.map(|sum| mean(sum, inverse));
+        for place in part {
+            let padded = place.padded::<M>();
+            let x_of = |padded| self.open_loop.get(Place::new::<M>(padded)).copied();
+            let [west, east] = [padded.wrapping_sub(1), padded + 1].map(x_of);
+            let [north, south] = [padded.wrapping_sub(grid.stride), padded + grid.stride].map(x_of);
+            let around = [west, east, north, south].map(Option::unwrap_or_default);
+            let (around_x, around_y) = (sum(around.map(|[x, _]| x)), sum(around.map(|[_, y]| y)));
+            let (Some(&[x, y]), Some(gains), Some(command)) =
+                (self.open_loop.get(place), gains.get(place), self.command.get_mut(place))
+            else {
+                continue;
+            };
+            let weight = INVERSE.get((around_x & COUNT) as usize).copied().unwrap_or(0);
+            let (x, y) = match (x & MEASURED != 0, weight > 0) {
+                (true, _) => (x >> GUARD_BITS, y >> GUARD_BITS),
+                (false, true) => (mul_high(around_x & !COUNT, weight), mul_high(around_y, weight)),
+                // Without a measured neighbour it holds.
+                (false, false) => continue,
+            };
+            let [c, d] = *command;
+            let next =
+                |c, x: i32, mean| fixed::clamp(gains.next(c, x.wrapping_sub(mean)), TILT_LIMIT);
+            *command = [next(c, x, mean_x), next(d, y, mean_y)];
+        }
+    }
+
+    /// The command of one subaperture becomes what its segment shows.
+    pub(crate) fn adopt(&mut self, place: Place, tilt_ulp: [i32; 2]) {
+        if let Some(command) = self.command.get_mut(place) {
+            *command = tilt_ulp;
+        }
+    }
+
     /// Records what the mirror shows from now on, without the global tilt, ulp.
     pub(crate) fn record(&mut self, applied: impl Iterator<Item = [i32; 2]>) {
         self.advance();
         if let Some(newest) = self.applied.get_mut(self.newest) {
             newest.iter_mut().zip(applied).for_each(|(place, tilt)| *place = tilt);
+        }
+    }
+
+    /// The mirror has shown this for as long as matters.
+    pub(crate) fn fill_past(&mut self, shown: impl Iterator<Item = [i32; 2]> + Clone) {
+        for frame in &mut self.applied {
+            frame.iter_mut().zip(shown.clone()).for_each(|(place, tilt)| *place = tilt);
         }
     }
 
@@ -221,6 +280,7 @@ pub(crate) struct Taking<'a, const M: usize> {
     open_loop: &'a mut RedBlack<[i32; 2], M>,
     sums: &'a mut [i64; 2],
     valid: &'a mut u32,
+    retained: &'a mut u32,
 }
 
 impl<const M: usize> Taking<'_, M> {
@@ -241,6 +301,17 @@ impl<const M: usize> Taking<'_, M> {
         *sum_x = sum_x.wrapping_add(i64::from(x));
         *sum_y = sum_y.wrapping_add(i64::from(y));
         *self.valid = self.valid.wrapping_add(valid as u32);
+    }
+
+    /// Lets a subaperture that this sub-cycle does not light keep its x, and counts it for the mean.
+    pub(crate) fn retain(&mut self, place: Place) {
+        let Some(&[x, y]) = self.open_loop.get(place) else { return };
+        if x & MEASURED != 0 {
+            let [sum_x, sum_y] = &mut self.sums;
+            *sum_x = sum_x.wrapping_add(i64::from(x >> GUARD_BITS));
+            *sum_y = sum_y.wrapping_add(i64::from(y >> GUARD_BITS));
+            *self.retained = self.retained.wrapping_add(1);
+        }
     }
 }
 

@@ -53,6 +53,15 @@ pub enum Field {
     PulsesPerFrame,
     GateEnd,
     Readout,
+    Lattice,
+    Colours,
+    Separation,
+    ValidMin,
+    TotalFluxMin,
+    TotalFluxMax,
+    HoldFrames,
+    Leak,
+    SaturatedShare,
 }
 
 impl Field {
@@ -104,6 +113,15 @@ impl Field {
             Self::PulsesPerFrame => "gate.pulses_per_frame",
             Self::GateEnd => "gate.delay_s + gate.width_s",
             Self::Readout => "gate.readout_s",
+            Self::Lattice => "schedule.lattice",
+            Self::Colours => "schedule.colours",
+            Self::Separation => "schedule.separation",
+            Self::ValidMin => "safety.valid_min",
+            Self::TotalFluxMin => "safety.flux_min_adu",
+            Self::TotalFluxMax => "safety.flux_max_adu",
+            Self::HoldFrames => "safety.hold_frames",
+            Self::Leak => "safety.leak",
+            Self::SaturatedShare => "safety.saturated_share",
         }
     }
 }
@@ -118,6 +136,13 @@ pub enum Limit {
     Between(f64, f64),
     /// A rule that a range does not say.
     Rule(&'static str),
+    /// From 0 to a time, s, that the gate keeps only at high elevations.
+    Elevation {
+        /// The most it may be.
+        most: f64,
+        /// The elevation from which it fits, degrees; above 90 if at none.
+        least_deg: f64,
+    },
 }
 
 /// A refused value.
@@ -174,6 +199,14 @@ impl fmt::Display for ConfigError {
             Limit::Within(min, max) => write!(f, "must be from {min} to {max}"),
             Limit::Between(above, below) => write!(f, "must be above {above} and below {below}"),
             Limit::Rule(rule) => f.write_str(rule),
+            Limit::Elevation { most, least_deg } if least_deg <= 90.0 => {
+                // Rounded up: at the elevation that is written it fits.
+                let least_deg = libm::ceil(least_deg * 100.0) / 100.0;
+                write!(f, "must be at most {most}; it fits from {least_deg} degrees of elevation")
+            }
+            Limit::Elevation { most, .. } => {
+                write!(f, "must be at most {most}; it fits at no elevation")
+            }
         }
     }
 }

@@ -17,9 +17,13 @@ use crate::centroid::{EstimatorConfig, MAX_WINDOW, MIN_WINDOW};
 use crate::config::{Config, Slot};
 use crate::control::{ControlConfig, Gains, MAX_DELAY};
 use crate::error::{ConfigError, Field, Limit};
-use crate::gate::GateTiming;
+use crate::gate::{GateTiming, Range, ShortFrame};
 use crate::geometry::Mask;
+use crate::ladder::LadderLimits;
+use crate::mirror::Serials;
 use crate::pixels::Convention;
+use crate::quality::QualityLimits;
+use crate::schedule;
 use crate::segments::{ACTUATORS, RATIO_BITS, Segment, Travel};
 use crate::slopes::SlopeCalibration;
 use crate::spec::SorSpec;
@@ -29,7 +33,7 @@ use serde::{Deserialize, Serialize};
 
 const MAGIC: [u8; 4] = *b"SPLI";
 /// Version of the layout.
-pub const VERSION: u16 = 1;
+pub const VERSION: u16 = 2;
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 /// Longest record, bytes: its length is one byte.
 const RECORD: usize = u8::MAX as usize;
@@ -99,6 +103,11 @@ struct Head {
     slew_ulp: i32,
     drive: Drive,
     timing: GateTiming,
+    range: Range,
+    short_frame: ShortFrame,
+    quality: QualityLimits,
+    ladder: LadderLimits,
+    serials: Serials,
     lsb_m: f64,
     adu_per_unit: f64,
     convention: Convention,
@@ -112,6 +121,7 @@ struct Subaperture {
     base_threshold: u16,
     slope: SlopeCalibration,
     gains: Gains,
+    colour: u8,
     segment: Segment,
     responses: [Response; ACTUATORS],
 }
@@ -209,6 +219,11 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             slew_ulp: self.travel.slew_ulp,
             drive: self.drive,
             timing: self.timing,
+            range: self.range,
+            short_frame: self.short_frame,
+            quality: self.quality,
+            ladder: self.ladder,
+            serials: self.serials,
             lsb_m: self.lsb_m,
             adu_per_unit: self.adu_per_unit,
             convention: self.bank.convention,
@@ -218,10 +233,13 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         mask.rows().iter().for_each(|row| out.bytes(&row.to_le_bytes()));
         self.slots.iter().for_each(|slot| out.record(slot));
         let gains = self.nodes.iter().filter_map(|node| self.gains.get(node.place));
+        let gains = gains.zip(&self.schedule.colours);
         let slopes = self.base_thresholds.iter().zip(&self.slopes).zip(gains);
         let mirror = self.segments.iter().zip(&self.responses);
-        for (((&base_threshold, &slope), &gains), (&segment, &responses)) in slopes.zip(mirror) {
-            out.record(&Subaperture { base_threshold, slope, gains, segment, responses });
+        for (((&base_threshold, &slope), (&gains, &colour)), (&segment, &responses)) in
+            slopes.zip(mirror)
+        {
+            out.record(&Subaperture { base_threshold, slope, gains, colour, segment, responses });
         }
         self.template.samples.iter().for_each(|samples| out.bytes(samples));
         self.bank.floors().iter().for_each(|floor| out.bytes(&floor.to_le_bytes()));
@@ -268,6 +286,8 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         for i in 0..mask.count() {
             self.load_subaperture(i, from.record()?)?;
         }
+        schedule::check_used(self.schedule.colours.iter().copied())?;
+        self.schedule.count_colours();
         for samples in &mut self.template.samples {
             from.fill(samples)?;
         }
@@ -333,6 +353,11 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         let gate = f64::from(timing.delay_ns) + f64::from(timing.width_ns);
         check(Field::GateEnd, gate, (0.0, timing.period_ns.into()))?;
         check(Field::PulsesPerFrame, timing.pulses_per_frame.into(), (1.0, 1e6))?;
+        let quality = head.quality;
+        check(Field::ValidMin, quality.valid_min.into(), (0.0, mask.count() as f64))?;
+        check(Field::TotalFluxMin, quality.flux_min as f64, (0.0, quality.flux_max as f64))?;
+        let hold = f64::from(head.ladder.hold_frames);
+        check(Field::HoldFrames, hold, (0.0, head.ladder.safe_frames.into()))?;
         check(Field::Stroke, head.lsb_m, (f64::MIN_POSITIVE, 1.0))?;
         check(Field::PixelGain, head.adu_per_unit, (0.25, 4.0))?;
         check(Field::Noise, head.threshold_shift.into(), (0.0, 8.0))?;
@@ -346,6 +371,11 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.tilt_max_age = head.tilt_max_age;
         self.drive = head.drive;
         self.timing = timing;
+        self.range = head.range;
+        self.short_frame = head.short_frame;
+        self.quality = quality;
+        self.ladder = head.ladder;
+        self.serials = head.serials;
         self.lsb_m = head.lsb_m;
         self.adu_per_unit = head.adu_per_unit;
         self.bank.convention = head.convention;
@@ -381,7 +411,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
 
     fn load_subaperture(&mut self, i: usize, entry: Subaperture) -> Result<(), ConfigError> {
         let check = |field, value: f64, limit| ConfigError::check(field, Some(i), value, limit);
-        let Subaperture { base_threshold, slope, gains, segment, responses } = entry;
+        let Subaperture { base_threshold, slope, gains, colour, segment, responses } = entry;
         for reference in slope.reference_q16 {
             let limit = f64::from(1u32 << 21);
             check(Field::ReferenceSlope, reference.into(), (-limit, limit))?;
@@ -394,6 +424,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         let _ = self.base_thresholds.push(base_threshold);
         let _ = self.slopes.push(slope);
         self.set_gains(i, gains);
+        let _ = self.schedule.colours.push(colour);
         let _ = self.segments.push(segment);
         let _ = self.responses.push(responses);
         Ok(())

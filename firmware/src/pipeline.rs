@@ -19,17 +19,21 @@
 //! | no subaperture with valid flux | `finish` holds: [`Hold::NoLight`] |
 //! | no `begin` | rows are refused; `finish` holds: [`Hold::NotBegun`] |
 
-use crate::actuators::{self, Drive, Law};
 use crate::centroid::Measurement;
 use crate::config::Config;
 use crate::control::{Control, Taking};
 use crate::fixed::{self, TILT_LIMIT};
+use crate::mirror::Mirror;
 pub use crate::probe::{Probe, Stage};
 use crate::readout::{Readout, Sink};
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
-use crate::segments::{ACTUATORS, Move, Position, Segment};
+use crate::schedule::Schedule;
+use crate::segments::{ACTUATORS, Position};
 use crate::slopes::{self, Slope, SlopeCalibration, SlopeScale};
 use crate::sor::{Node, Sor, SorConfig};
+
+/// All pulses that were asked for, Q16.
+const WHOLE: u32 = 1 << 16;
 
 /// Frames by which a global tilt may be ahead of the frame it is first used in.
 const MAX_AHEAD: u32 = 1 << 16;
@@ -49,8 +53,11 @@ pub struct Pipeline<const M: usize, const B: usize> {
     frame: u32,
     extra_rows: u16,
     restarted: bool,
-    /// Whether codes and pistons are those of a configuration, and whether of a frame.
-    flat: bool,
+    /// The sub-cycle of a schedule that the frame is.
+    colour: u8,
+    /// Laser pulses of those asked for that its flux limits are for, Q16.
+    pulses_q16: u32,
+    /// Whether pistons are those of a frame.
     warm: bool,
     global_tilt: Option<GlobalTilt>,
     totals: Totals,
@@ -63,10 +70,7 @@ pub struct Pipeline<const M: usize, const B: usize> {
     /// In subaperture order: those of the control law, which has them on the grid.
     commands: [[i32; 2]; M],
     sor: Sor<M>,
-    positions: [Position; M],
-    heights_ulp: [[i32; ACTUATORS]; M],
-    codes: [[u16; ACTUATORS]; M],
-    subapertures: usize,
+    mirror: Mirror<M>,
 }
 
 impl<const M: usize, const B: usize> Default for Pipeline<M, B> {
@@ -85,7 +89,8 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
             frame: 0,
             extra_rows: 0,
             restarted: false,
-            flat: false,
+            colour: 0,
+            pulses_q16: WHOLE,
             warm: false,
             global_tilt: None,
             totals: Totals {
@@ -106,14 +111,13 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
             control: Control::new(),
             commands: [[0; 2]; M],
             sor: Sor::new(),
-            positions: [Position { piston_ulp: 0, tilt_ulp: [0; 2] }; M],
-            heights_ulp: [[0; ACTUATORS]; M],
-            codes: [[0; ACTUATORS]; M],
-            subapertures: 0,
+            mirror: Mirror::new(),
         }
     }
 
-    /// Opens the loop: forgets every frame, and sets the codes of the flat mirror.
+    /// Opens the loop: forgets every frame, and sets the codes of the flat mirror at once, without the
+    /// slew limit: for a start, a simulated mirror, or one whose drive is off. A mirror that is driven is
+    /// ramped to the flat map by [`Controller`](crate::controller::Controller).
     pub fn reset<const P: usize>(&mut self, config: &Config<M, P, B>) {
         self.phase = Phase::Idle;
         self.extra_rows = 0;
@@ -125,17 +129,18 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
 
     /// Forgets what frames have left in the loop, and sets the codes of the flat mirror.
     fn flatten<const P: usize>(&mut self, config: &Config<M, P, B>) {
+        self.forget(config);
+        self.mirror.cold_start(config);
+    }
+
+    /// Forgets what frames have left in the loop.
+    fn forget<const P: usize>(&mut self, config: &Config<M, P, B>) {
         self.warm = false;
-        self.flat = true;
         self.readout.reset(config.window);
         self.control.reset();
         self.sor.reset();
         self.slopes.as_flattened_mut().fill(Slope::default());
         self.commands.fill([0; 2]);
-        self.positions.fill(Position::default());
-        self.subapertures = config.subapertures();
-        self.heights_ulp.fill([0; ACTUATORS]);
-        self.drive(config);
     }
 
     /// Starts frame `frame`. An unfinished one is dropped and counted.
@@ -148,7 +153,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     /// Every exposure must be begun, since the mirror's past is counted in frames: one whose rows
     /// never came is begun and finished without them.
     pub fn begin<const P: usize>(&mut self, config: &Config<M, P, B>, frame: u32) {
-        if !self.flat || self.subapertures != config.subapertures() {
+        if !self.mirror.is_driven(config.subapertures()) {
             self.flatten(config);
         }
         self.restarted = self.phase != Phase::Idle;
@@ -159,10 +164,18 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         }
         self.frame = frame;
         self.extra_rows = 0;
+        self.colour = config.schedule.colour_of(frame);
+        self.pulses_q16 = WHOLE;
         self.phase = Phase::Reading;
         self.readout.begin();
         self.control.begin();
         self.saturated_pixels = 0;
+    }
+
+    /// Lets the flux limits of the frame that has begun be for `seen` of `asked` laser pulses.
+    pub(crate) fn scale_flux(&mut self, seen: u32, asked: u32) {
+        let part = (u64::from(seen) << 16).checked_div(u64::from(asked));
+        self.pulses_q16 = part.map_or(WHOLE, |part| part.min(WHOLE.into()) as u32);
     }
 
     /// Takes the next detector row, raw ADU below 2^bits.
@@ -259,6 +272,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
             scale: SlopeScale::new(config.gain_exponent),
             control: self.control.taking(&config.control),
             slopes: slopes.map_or(&mut [], |slopes| slopes),
+            special: Special::new(&config.schedule, self.colour, self.pulses_q16),
             saturated_pixels: &mut self.saturated_pixels,
         };
         (&mut self.readout, windows)
@@ -276,6 +290,23 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         config: &Config<M, P, B>,
         probe: &mut impl Probe,
     ) -> Report {
+        let Measured { mut report, hold } = self.measure(config);
+        probe.after(Stage::Slopes);
+        match hold {
+            Some(hold) => {
+                report.outcome = Outcome::Held(hold);
+                self.hold(hold);
+            }
+            None => self.reconstruct(config, &mut report, probe),
+        }
+        report
+    }
+
+    /// Ends the readout of a frame: its measurements and slopes become those of the last complete one, if
+    /// it is complete. What then becomes of it is for the caller to say: [`Pipeline::follow`],
+    /// [`Pipeline::keep`] or [`Pipeline::steer`].
+    #[inline(always)]
+    pub(crate) fn measure<const P: usize>(&mut self, config: &Config<M, P, B>) -> Measured {
         let hold = self.reason_to_hold(config);
         self.phase = Phase::Idle;
         let mut report = Report {
@@ -292,16 +323,82 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
             global_tilt_stale: false,
         };
         self.restarted = false;
-        let hold = hold.or_else(|| self.measure(config, &mut report));
-        probe.after(Stage::Slopes);
-        match hold {
-            Some(hold) => {
-                report.outcome = Outcome::Held(hold);
-                self.hold(hold);
-            }
-            None => self.reconstruct(config, &mut report, probe),
-        }
+        let hold = hold.or_else(|| self.commit(config, &mut report));
+        Measured { report, hold }
+    }
+
+    /// A complete frame moves the mirror.
+    pub(crate) fn follow<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        mut report: Report,
+        probe: &mut impl Probe,
+    ) -> Report {
+        self.reconstruct(config, &mut report, probe);
         report
+    }
+
+    /// The mirror keeps what it shows.
+    pub(crate) fn keep(&mut self, report: Report, hold: Hold) -> Report {
+        self.hold(hold);
+        Report { outcome: Outcome::Held(hold), ..report }
+    }
+
+    /// The mirror goes by `step` and not by the frame; commands become what it then shows, so that a loop
+    /// that closes does so without a jump. `cold`: its pistons have nothing to do with the last frames'.
+    pub(crate) fn steer<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        (report, hold): (Report, Hold),
+        cold: bool,
+        step: impl FnOnce(&mut Mirror<M>),
+    ) -> Report {
+        self.total(hold);
+        step(&mut self.mirror);
+        self.control.record(self.mirror.positions().iter().map(|position| position.tilt_ulp));
+        self.show(config);
+        if cold && self.warm {
+            self.warm = false;
+            self.sor.reset();
+        }
+        Report { outcome: Outcome::Held(hold), ..report }
+    }
+
+    /// The mirror and its guard.
+    pub(crate) const fn mirror(&self) -> &Mirror<M> {
+        &self.mirror
+    }
+
+    /// The mirror, for what is no frame.
+    pub(crate) const fn mirror_mut(&mut self) -> &mut Mirror<M> {
+        &mut self.mirror
+    }
+
+    /// Subapertures that the last frame's sub-cycle lights.
+    pub(crate) fn lit<const P: usize>(&self, config: &Config<M, P, B>) -> usize {
+        if !config.schedule.is_partial() {
+            return config.subapertures();
+        }
+        config.schedule.colours.iter().filter(|&&colour| colour == self.colour).count()
+    }
+
+    /// Takes over a configuration of the same mask with another mirror: the codes stay, and all that
+    /// frames have left is forgotten but what the mirror shows.
+    pub(crate) fn adopt<const P: usize>(&mut self, config: &Config<M, P, B>) {
+        self.phase = Phase::Idle;
+        self.forget(config);
+        self.mirror.adopt(config);
+        self.control.fill_past(self.mirror.positions().iter().map(|position| position.tilt_ulp));
+        self.show(config);
+    }
+
+    /// Commands become what the mirror shows.
+    fn show<const P: usize>(&mut self, config: &Config<M, P, B>) {
+        let shown = config.nodes.iter().zip(self.mirror.positions());
+        for ((node, position), command) in shown.zip(&mut self.commands) {
+            self.control.adopt(node.place, position.tilt_ulp);
+            *command = position.tilt_ulp;
+        }
     }
 
     fn reason_to_hold<const P: usize>(&self, config: &Config<M, P, B>) -> Option<Hold> {
@@ -320,25 +417,48 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         if !matches!(hold, Hold::NotBegun | Hold::NotConfigured) {
             self.control.hold();
         }
+        self.total(hold);
+    }
+
+    fn total(&mut self, hold: Hold) {
         let total = match hold {
             Hold::NotBegun | Hold::NotConfigured => &mut self.totals.not_ready,
             Hold::CutShort { .. } => &mut self.totals.cut_short,
             Hold::WrongRow => &mut self.totals.wrong_row,
             Hold::NoLight => &mut self.totals.no_light,
+            // Whoever decided that counts it.
+            Hold::Poor | Hold::Mode => return,
         };
         *total = total.saturating_add(1);
     }
 
     /// Measurements and slopes become those of the complete frame.
-    fn measure<const P: usize>(
+    fn commit<const P: usize>(
         &mut self,
         config: &Config<M, P, B>,
         report: &mut Report,
     ) -> Option<Hold> {
+        if config.schedule.is_partial() {
+            self.retain(config);
+        }
         self.readout.commit(config);
         report.valid = self.control.valid() as u16;
         report.saturated_pixels = self.saturated_pixels;
         (report.valid == 0).then_some(Hold::NoLight)
+    }
+
+    /// What this sub-cycle did not light stays as the last complete frame left it.
+    #[cold]
+    #[inline(never)]
+    fn retain<const P: usize>(&mut self, config: &Config<M, P, B>) {
+        let complete = self.readout.complete();
+        let colours = &config.schedule.colours;
+        let lit = |i: usize| colours.get(i) == Some(&self.colour);
+        self.readout.retain(config, lit);
+        if let Ok([done, new]) = self.slopes.get_disjoint_mut([complete, 1 - complete]) {
+            let slopes = new.iter_mut().zip(done).enumerate();
+            slopes.filter(|(i, _)| !lit(*i)).for_each(|(_, (new, done))| *new = *done);
+        }
     }
 
     /// Control law, pistons, segments and codes.
@@ -350,80 +470,43 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     ) {
         let global_tilt = self.current_tilt(config.tilt_max_age, report);
         let SorConfig { grid, warm_sweeps, cold_sweeps, .. } = &config.sor;
-        self.control.update(&config.control, grid, &config.gains);
+        let mut warm_sweeps = *warm_sweeps;
+        if config.schedule.is_partial() {
+            let part = config.nodes.iter().zip(&config.schedule.colours);
+            let part = part.filter(|(_, colour)| **colour == self.colour);
+            let places = part.map(|(node, _)| node.place);
+            self.control.update_part(&config.control, grid, &config.gains, places);
+            warm_sweeps = config.schedule.sweeps;
+        } else {
+            self.control.update(&config.control, grid, &config.gains);
+        }
         probe.after(Stage::Control);
 
         self.sor.load(&config.sor, self.control.commands());
-        self.sor.relax(&config.sor, if self.warm { *warm_sweeps } else { *cold_sweeps });
+        self.sor.relax(&config.sor, if self.warm { warm_sweeps } else { *cold_sweeps });
         self.warm = true;
         report.residual_squared = self.sor.residual_squared(&config.sor);
         self.sor.find_means(&config.sor, &config.nodes);
         probe.after(Stage::Sor);
 
-        if config.travel.is_free() {
-            let bits = config.travel.ratio_bits;
-            self.advance(config, global_tilt, report, |segment, _, _, target| {
-                segment.go(target, bits)
-            });
-        } else {
-            self.advance(config, global_tilt, report, |segment, position, heights, target| {
-                segment.advance(position, heights, target, &config.travel)
-            });
-        }
+        let Self { control, sor, commands, mirror, .. } = self;
+        let wanted = config.nodes.iter().zip(commands).map(|(node, command)| {
+            *command = control.commands().get(node.place).copied().unwrap_or_default();
+            target(*command, sor.centred_piston(*node), *node, global_tilt)
+        });
+        let step = mirror.pass(config, wanted);
         let [global_tip, global_tilt] = global_tilt;
-        let applied = self.positions.iter().take(self.subapertures).map(|position| {
+        control.record(step.positions().iter().map(|position| {
             let [tip, tilt] = position.tilt_ulp;
             [tip.wrapping_sub(global_tip), tilt.wrapping_sub(global_tilt)]
-        });
-        self.control.record(applied);
-        self.count(report);
+        }));
+        report.saturated_actuators = step.limits.saturated;
+        report.slewed_actuators = step.limits.slewed;
+        count(&mut self.totals, report);
         probe.after(Stage::Segments);
 
-        self.drive(config);
+        step.drive(config);
         probe.after(Stage::Actuators);
-    }
-
-    /// Commands and pistons to positions and heights by `go`, from where a segment is.
-    ///
-    /// Not inlined: it needs all registers.
-    #[inline(never)]
-    fn advance<const P: usize>(
-        &mut self,
-        config: &Config<M, P, B>,
-        global_tilt: [i32; 2],
-        report: &mut Report,
-        go: impl Fn(&Segment, Position, [i32; ACTUATORS], Position) -> Move,
-    ) {
-        let (mut saturated, mut slewed) = (0u32, 0u32);
-        let state = self.positions.iter_mut().zip(&mut self.heights_ulp).zip(&mut self.commands);
-        for ((node, segment), ((position, heights_ulp), command)) in
-            config.nodes.iter().zip(&config.segments).zip(state)
-        {
-            *command = self.control.commands().get(node.place).copied().unwrap_or_default();
-            let target = target(*command, self.sor.centred_piston(*node), *node, global_tilt);
-            let step = go(segment, *position, *heights_ulp, target);
-            *position = step.position;
-            *heights_ulp = step.heights_ulp;
-            saturated = saturated.wrapping_add(step.limited.saturated);
-            slewed = slewed.wrapping_add(step.limited.slewed);
-        }
-        report.saturated_actuators = saturated as u16;
-        report.slewed_actuators = slewed as u16;
-    }
-
-    /// Heights to codes.
-    fn drive<const P: usize>(&mut self, config: &Config<M, P, B>) {
-        let heights = config.responses.iter().zip(&self.heights_ulp).zip(&mut self.codes);
-        let Drive { law, spare_bits } = config.drive;
-        match law {
-            // One loop each: the law is the same for all.
-            Law::Linear => heights.for_each(|((responses, heights), codes)| {
-                *codes = actuators::codes(Law::Linear, spare_bits, responses, heights);
-            }),
-            Law::Quadratic => heights.for_each(|((responses, heights), codes)| {
-                *codes = actuators::codes(Law::Quadratic, spare_bits, responses, heights);
-            }),
-        }
     }
 
     /// The global tilt in use: the last one given, however old.
@@ -437,14 +520,6 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         tilt.tilt_ulp
     }
 
-    fn count(&mut self, report: &Report) {
-        let add = |total: &mut u32, n: u32| *total = total.saturating_add(n);
-        add(&mut self.totals.updated, 1);
-        add(&mut self.totals.stale_tilt, u32::from(report.global_tilt_stale));
-        add(&mut self.totals.saturated_actuators, u32::from(report.saturated_actuators));
-        add(&mut self.totals.slewed_actuators, u32::from(report.slewed_actuators));
-    }
-
     /// Gives a global tilt; it is used from the next `finish` on, until the next one is given.
     pub fn set_global_tilt(&mut self, tilt: GlobalTilt) {
         let tilt_ulp = tilt.tilt_ulp.map(|t| t.clamp(-TILT_LIMIT, TILT_LIMIT));
@@ -454,38 +529,65 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     /// The DAC codes of every segment's actuators, in subaperture order: valid at any time.
     #[must_use]
     pub fn codes(&self) -> &[[u16; ACTUATORS]] {
-        self.codes.get(..self.subapertures).unwrap_or_default()
+        self.mirror.codes()
     }
 
     /// Centroids, fluxes and peaks of the last complete frame, in subaperture order.
     #[must_use]
     pub fn measurements(&self) -> &[Measurement] {
-        self.readout.measurements().get(..self.subapertures).unwrap_or_default()
+        self.readout.measurements().get(..self.mirror.subapertures()).unwrap_or_default()
     }
 
     /// The slopes of the last complete frame, in subaperture order.
     #[must_use]
     pub fn slopes(&self) -> &[Slope] {
         let complete = self.slopes.get(self.readout.complete());
-        complete.and_then(|slopes| slopes.get(..self.subapertures)).unwrap_or_default()
+        complete.and_then(|slopes| slopes.get(..self.mirror.subapertures())).unwrap_or_default()
     }
 
     /// The tip/tilt commands, without the global tilt, ulp, in subaperture order.
     #[must_use]
     pub fn commands(&self) -> &[[i32; 2]] {
-        self.commands.get(..self.subapertures).unwrap_or_default()
+        self.commands.get(..self.mirror.subapertures()).unwrap_or_default()
     }
 
     /// Piston, tip and tilt of every segment after all limits, in subaperture order.
     #[must_use]
     pub fn positions(&self) -> &[Position] {
-        self.positions.get(..self.subapertures).unwrap_or_default()
+        self.mirror.positions()
     }
 
     /// Totals since the last reset.
     #[must_use]
     pub const fn totals(&self) -> Totals {
         self.totals
+    }
+}
+
+/// A frame that has been measured, and why it cannot be followed.
+#[must_use = "every exposure is followed, kept or steered"]
+pub(crate) struct Measured {
+    pub(crate) report: Report,
+    pub(crate) hold: Option<Hold>,
+}
+
+/// What is not as in every frame: a sub-cycle that lights a part of the pupil, or missing laser pulses.
+struct Special<'a> {
+    /// Empty where all are lit.
+    colours: &'a [u8],
+    colour: u8,
+    pulses_q16: u32,
+}
+
+impl<'a> Special<'a> {
+    fn new<const M: usize>(schedule: &'a Schedule<M>, colour: u8, pulses_q16: u32) -> Option<Self> {
+        let colours = if schedule.is_partial() { schedule.colours.as_slice() } else { &[] };
+        let special = !colours.is_empty() || pulses_q16 != WHOLE;
+        special.then_some(Self { colours, colour, pulses_q16 })
+    }
+
+    fn lights(&self, i: usize) -> bool {
+        self.colours.get(i).is_none_or(|&colour| colour == self.colour)
     }
 }
 
@@ -496,6 +598,7 @@ struct Windows<'a, const M: usize> {
     scale: SlopeScale,
     control: Taking<'a, M>,
     slopes: &'a mut [Slope],
+    special: Option<Special<'a>>,
     saturated_pixels: &'a mut u32,
 }
 
@@ -508,11 +611,27 @@ impl<const M: usize> Sink for Windows<'_, M> {
         else {
             return;
         };
-        let slope = slopes::slope(calibration, self.scale, measurement);
+        let mut slope = slopes::slope(calibration, self.scale, measurement);
+        if let Some(special) = &self.special {
+            if !special.lights(i) {
+                self.control.retain(node.place);
+                return;
+            }
+            slope.valid =
+                slopes::valid_in_proportion(calibration, measurement.flux, special.pulses_q16);
+        }
         *place = slope;
         self.control.take(i, node.place, &slope);
         *self.saturated_pixels += u32::from(measurement.saturated);
     }
+}
+
+fn count(totals: &mut Totals, report: &Report) {
+    let add = |total: &mut u32, n: u32| *total = total.saturating_add(n);
+    add(&mut totals.updated, 1);
+    add(&mut totals.stale_tilt, u32::from(report.global_tilt_stale));
+    add(&mut totals.saturated_actuators, u32::from(report.saturated_actuators));
+    add(&mut totals.slewed_actuators, u32::from(report.slewed_actuators));
 }
 
 /// The position asked of a segment: its command and piston, and those of the global tilt.

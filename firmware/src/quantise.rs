@@ -8,7 +8,9 @@ use crate::centroid::EstimatorConfig;
 use crate::control::{GAIN_BITS, Gains};
 use crate::error::{ConfigError, Field, Limit};
 use crate::fixed::{CENTROID_BITS, LENGTH_BITS};
+use crate::ladder::LadderLimits;
 use crate::pixels::{Convention, PixelCalibration};
+use crate::quality::QualityLimits;
 use crate::segments::{ACTUATORS, INFLUENCE_BITS, RATIO_BITS, Segment};
 use crate::slopes::SlopeCalibration;
 use crate::spec::{Estimator, Map, Spec};
@@ -290,6 +292,38 @@ impl<'a> Quantiser<'a> {
         }
         // From the rounded g, so that with f = 1 the two add up to one exactly.
         Ok(Gains { keep: (power(GAIN_BITS) - q) as i16, take: round(q * f).max(1.0) as i16 })
+    }
+
+    /// What a frame must be, and when the ladder is climbed.
+    pub(crate) fn safety(&self) -> Result<(QualityLimits, LadderLimits), ConfigError> {
+        let safety = &self.spec.safety;
+        let check = |field, value, limit| ConfigError::check(field, None, value, limit);
+        let share = |field, value: f64| check(field, value, (0.0, 1.0));
+        let subapertures = self.spec.mask.count() as f64;
+        let valid_min = share(Field::ValidMin, safety.valid_min)? * subapertures;
+        let flux_min = check(Field::TotalFluxMin, safety.flux_min_adu, (0.0, f64::MAX))?;
+        let flux_max = check(Field::TotalFluxMax, safety.flux_max_adu, (flux_min, f64::INFINITY))?;
+        let hold_frames = f64::from(safety.hold_frames);
+        check(Field::HoldFrames, hold_frames, (0.0, safety.safe_frames.into()))?;
+        let leak = share(Field::Leak, safety.leak)?;
+        let saturated = share(Field::SaturatedShare, safety.saturated_share)?;
+        let actuators = subapertures * ACTUATORS as f64;
+        // Casts saturate: no limit is beyond any flux.
+        let units = |adu: f64| round(adu / self.adu_per_unit) as u64;
+        let quality = QualityLimits {
+            valid_min: libm::ceil(valid_min) as u16,
+            flux_min: units(flux_min),
+            flux_max: units(flux_max),
+            saturated_pixels_max: safety.saturated_pixels_max,
+        };
+        let ladder = LadderLimits {
+            hold_frames: safety.hold_frames,
+            safe_frames: safety.safe_frames,
+            leak_q16: round(leak * power(16)).min(65535.0) as u16,
+            saturated_actuators: libm::floor(saturated * actuators) as u16,
+            saturated_frames: safety.saturated_frames,
+        };
+        Ok((quality, ladder))
     }
 
     /// The mechanics of segment `i`.

@@ -512,6 +512,30 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         self.row = config.height;
     }
 
+    /// Windows that the frame just read did not light keep what the last complete one left of them.
+    pub(crate) fn retain<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        lit: impl Fn(usize) -> bool,
+    ) {
+        let pair = [self.complete, 1 - self.complete];
+        let (Ok([done, new]), Ok([tracked, next])) =
+            (self.measurements.get_disjoint_mut(pair), self.tracking.get_disjoint_mut(pair))
+        else {
+            return;
+        };
+        for (slot, (next, tracked)) in config.slots.iter().zip(next.iter_mut().zip(tracked)) {
+            let subaperture = usize::from(slot.subaperture);
+            if lit(subaperture) {
+                continue;
+            }
+            *next = *tracked;
+            if let (Some(new), Some(done)) = (new.get_mut(subaperture), done.get(subaperture)) {
+                *new = *done;
+            }
+        }
+    }
+
     /// Makes the frame just read the last complete one: its measurements become readable, its
     /// peaks and centroids set the next frame's thresholds, watched rows and weights.
     ///

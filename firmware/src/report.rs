@@ -61,6 +61,10 @@ pub enum Hold {
     NoLight,
     /// The configuration has no subapertures.
     NotConfigured,
+    /// The frame did not pass the quality gate.
+    Poor,
+    /// The mode does not follow frames: the mirror is where the mode wants it.
+    Mode,
 }
 
 /// What became of a frame.

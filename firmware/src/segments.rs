@@ -48,7 +48,7 @@ pub(crate) const RATIO_BITS: (u32, u32) = (10, 15);
 const DROPPED: u32 = 9;
 
 /// Farthest limit from flat, ulp: the stroke, 2^25, at an influence of a quarter.
-const FARTHEST: i32 = 1 << 27;
+pub(crate) const FARTHEST: i32 = 1 << 27;
 
 /// One segment's mechanics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -84,6 +84,18 @@ pub struct Position {
     pub piston_ulp: i32,
     /// Tip and tilt, centre-to-edge path difference.
     pub tilt_ulp: [i32; 2],
+}
+
+impl Position {
+    /// Within the formats: a piston that is a target's (see the module), and tilts within +-2^23.
+    #[must_use]
+    pub(crate) fn bounded(self) -> Self {
+        let within = |x: i32, limit: i32| x.max(-limit).min(limit);
+        Self {
+            piston_ulp: within(self.piston_ulp, 1 << 29),
+            tilt_ulp: self.tilt_ulp.map(|tilt| within(tilt, TILT_LIMIT)),
+        }
+    }
 }
 
 /// What limited a segment.
@@ -245,6 +257,44 @@ impl Segment {
         Move { position, heights_ulp, limited: Limited { saturated, slewed } }
     }
 
+    /// The position whose heights are nearest to `heights_ulp`, each first brought within its actuator's
+    /// limits; `None` where the matrix cannot be inverted.
+    ///
+    /// With d = h - h_0 and the ratios' differences e: e tilt = d for two actuators, by Cramer's rule.
+    /// |d| <= 2^28 and |e| < 2^16: the numerators stay below 2^45, 2^60 with the ratios' fraction bits.
+    /// Tip and tilt are nearest, ties away from zero, saturated to their format; with the piston, the
+    /// height of actuator 0 then is exact and the others are within the rounding of their products.
+    pub(crate) fn position(
+        &self,
+        heights_ulp: [i32; ACTUATORS],
+        ratio_bits: u32,
+    ) -> Option<Position> {
+        let limits = pairs(pairs(self.lowest, self.highest), heights_ulp);
+        let [h0, h1, h2] = limits.map(|((low, high), height)| smaller(larger(height, low), high));
+        let [[x0, y0], [x1, y1], [x2, y2]] = self.ratios.map(|row| row.map(i64::from));
+        let ([a, b], [c, d]) = ([x1 - x0, y1 - y0], [x2 - x0, y2 - y0]);
+        let (u, v) = (i64::from(h1) - i64::from(h0), i64::from(h2) - i64::from(h0));
+        let determinant = a * d - b * c;
+        let limit = i64::from(TILT_LIMIT);
+        let solve = |numerator: i64| {
+            let doubled = (numerator << (ratio_bits + 1)).checked_div(determinant)?;
+            let nearest = (doubled + doubled.signum()) / 2;
+            Some(nearest.max(-limit).min(limit) as i32)
+        };
+        let tilt_ulp = [solve(u * d - v * b)?, solve(a * v - c * u)?];
+        let [q0, ..] = self.room(tilt_ulp, ratio_bits).tilted;
+        Some(Position { piston_ulp: h0.wrapping_sub(q0), tilt_ulp })
+    }
+
+    /// Calls of the guard that a segment takes at most from anywhere to the flat map: each goes at
+    /// least half as far as the slew limit (see the module).
+    pub(crate) fn steps(&self, slew_ulp: i32) -> u32 {
+        let ranges = pairs(pairs(self.lowest, self.highest), self.influence);
+        let longest = ranges.map(|((low, high), m)| motion(high.wrapping_sub(low), m));
+        let longest = longest.into_iter().fold(0, u32::max);
+        2 * (longest / slew_ulp.max(1).unsigned_abs()) + 2
+    }
+
     /// The part of a tip/tilt that exactly one piston makes reachable, Q16, at most 1.
     #[inline]
     fn tilt_scale(&self, room: &Room) -> u32 {
@@ -274,6 +324,15 @@ impl Travel {
             tilts_shrink: segments.iter().any(|segment| segment.can_shrink(ratio_bits)),
             slews: segments.iter().any(|segment| segment.can_slew(slew_ulp)),
         }
+    }
+}
+
+/// The position with `part` of it taken off, Q16, towards zero.
+pub(crate) fn leaked(position: Position, part_q16: u16) -> Position {
+    let keep = (1 << 16) - u32::from(part_q16);
+    Position {
+        piston_ulp: shrink(position.piston_ulp, keep),
+        tilt_ulp: position.tilt_ulp.map(|tilt| shrink(tilt, keep)),
     }
 }
 

@@ -96,3 +96,37 @@ pub(crate) fn slope(
     let valid = (flux >= calibration.flux_min) & (flux <= calibration.flux_max);
     Slope { tilt_ulp, valid }
 }
+
+/// Whether a flux is within the limits of a frame that had `pulses`, Q16, of what was asked, up to
+/// 2^16: limits in proportion, rounded down, the lower one at least 1.
+#[cold]
+#[inline(never)]
+pub(crate) fn valid_in_proportion(
+    calibration: &SlopeCalibration,
+    flux: u32,
+    pulses_q16: u32,
+) -> bool {
+    let scaled = |limit: u32| ((u64::from(limit) * u64::from(pulses_q16)) >> 16) as u32;
+    flux >= scaled(calibration.flux_min).max(1) && flux <= scaled(calibration.flux_max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_shrink_with_the_pulses() {
+        let calibration = SlopeCalibration {
+            reference_q16: [0; 2],
+            gain: [[1, 0], [0, 1]],
+            flux_min: 1000,
+            flux_max: 60_000,
+        };
+        let valid = |flux, pulses_q16| valid_in_proportion(&calibration, flux, pulses_q16);
+        for (pulses, low, high) in [(1 << 16, 1000, 60_000), (1 << 15, 500, 30_000)] {
+            assert!(!valid(low - 1, pulses) && valid(low, pulses));
+            assert!(valid(high, pulses) && !valid(high + 1, pulses));
+        }
+        assert!(!valid(0, 0), "no pulse, no light");
+    }
+}

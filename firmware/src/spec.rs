@@ -6,6 +6,7 @@
 use crate::actuators::Law;
 use crate::gate::GateSpec;
 use crate::geometry::Mask;
+use crate::mirror::Serials;
 use crate::pixels::Convention;
 use crate::segments::ACTUATORS;
 use crate::slopes::MeanSlope;
@@ -176,6 +177,70 @@ pub struct ActuatorSpec<'a> {
     pub response_m: Map<'a, [[f64; 2]; ACTUATORS]>,
 }
 
+/// Which subapertures are lit together. See [`crate::schedule`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ScheduleSpec<'a> {
+    /// The colouring.
+    pub colouring: Colouring<'a>,
+    /// Least distance of two subapertures of one colour, pitches; 0 for any.
+    pub separation: f64,
+}
+
+/// A colouring of the subapertures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Colouring<'a> {
+    /// All are lit in every frame.
+    #[default]
+    None,
+    /// The lattice (a, b, c) of a c colours.
+    Lattice([u8; 3]),
+    /// The colour of each subaperture, from 0 without gaps, at most 64.
+    List(&'a [u8]),
+}
+
+/// When a frame is not followed, and when the loop is given up. See [`crate::quality`] and
+/// [`crate::ladder`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SafetySpec {
+    /// Least share of the subapertures with a valid flux, 0 to 1; of those that are lit, with a
+    /// schedule.
+    pub valid_min: f64,
+    /// Least flux of all windows together, calibrated ADU.
+    pub flux_min_adu: f64,
+    /// Greatest flux of all windows together, calibrated ADU; infinite for none.
+    pub flux_max_adu: f64,
+    /// Pixels that may be saturated.
+    pub saturated_pixels_max: u32,
+    /// Bad or missing frames one after the other that are held.
+    pub hold_frames: u16,
+    /// Those, with the held ones, after which the loop is given up; at least `hold_frames`.
+    pub safe_frames: u16,
+    /// Part of the way to the flat map that the mirror goes in each frame in between, 0 to 1.
+    pub leak: f64,
+    /// Share of the actuators that may be at their limits, 0 to 1.
+    pub saturated_share: f64,
+    /// Frames with more of them that open the loop; 0 for never.
+    pub saturated_frames: u16,
+}
+
+impl Default for SafetySpec {
+    /// Every complete frame is followed; 10 are held, the loop is given up after 1000, and opens when
+    /// half of the actuators have been at their limits for 100.
+    fn default() -> Self {
+        Self {
+            valid_min: 0.0,
+            flux_min_adu: 0.0,
+            flux_max_adu: f64::INFINITY,
+            saturated_pixels_max: u32::MAX,
+            hold_frames: 10,
+            safe_frames: 1000,
+            leak: 0.01,
+            saturated_share: 0.5,
+            saturated_frames: 100,
+        }
+    }
+}
+
 /// Everything the reconstructor needs to know.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spec<'a> {
@@ -201,6 +266,12 @@ pub struct Spec<'a> {
     pub actuators: ActuatorSpec<'a>,
     /// The range gate and the frame's timing.
     pub gate: GateSpec,
+    /// Which subapertures are lit together.
+    pub schedule: ScheduleSpec<'a>,
+    /// When a frame is not followed, and when the loop is given up.
+    pub safety: SafetySpec,
+    /// The mirror and the detector it is for.
+    pub serials: Serials,
 }
 
 /// Heights of three actuators on a circle of `radius` half pitches, the first one towards +y, for

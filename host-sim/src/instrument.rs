@@ -33,6 +33,10 @@ pub struct Instrument {
     pub centroids: Centroids,
     pub control: ControlSection,
     pub mirror: MirrorSection,
+    pub schedule: ScheduleSection,
+    pub gate: GateSection,
+    pub safety: SafetySection,
+    pub serials: SerialsSection,
 }
 
 /// Pupil and subapertures.
@@ -204,6 +208,58 @@ pub struct MirrorSection {
 pub enum ResponseName {
     Linear,
     Quadratic,
+}
+
+/// Which subapertures are lit together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct ScheduleSection {
+    pub lattice: Vec<u8>,
+    pub separation: f64,
+}
+
+/// What the range gate does beside opening.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct GateSection {
+    pub short_frames: ShortFrameName,
+}
+
+/// What becomes of a frame with fewer laser pulses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum ShortFrameName {
+    Mark,
+    Scale,
+    Drop,
+}
+
+/// Which frames are followed, and when the loop is given up.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct SafetySection {
+    pub valid_min: f64,
+    pub flux_min: f64,
+    pub flux_max: f64,
+    pub saturated_pixels_max: u32,
+    pub hold_frames: u16,
+    pub safe_frames: u16,
+    pub leak: f64,
+    pub saturated_share: f64,
+    pub saturated_frames: u16,
+}
+
+/// What the configuration is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct SerialsSection {
+    pub mirror: u32,
+    pub detector: u32,
 }
 
 impl Instrument {

@@ -3,15 +3,16 @@
 use crate::calibration::SlopeCalibration;
 use crate::detector::{Calibration, Detector, DetectorSpec};
 use crate::error::Error;
-use crate::instrument::{EstimatorName, Instrument, ResponseName, ThresholdName};
+use crate::instrument::{EstimatorName, Instrument, ResponseName, ShortFrameName, ThresholdName};
 use splash_firmware::actuators::Law;
-use splash_firmware::gate::GateSpec;
+use splash_firmware::gate::{GateSpec, ShortFrame};
 use splash_firmware::geometry::Mask;
+use splash_firmware::mirror::Serials;
 use splash_firmware::pixels::Convention;
 use splash_firmware::slopes::MeanSlope;
 use splash_firmware::spec::{
-    ActuatorSpec, ControlSpec, DetectorSpec as Readout, Estimator, Map, PixelSpec, SegmentSpec,
-    SlopeSpec, SorSpec, Spec, WindowSpec, triangle,
+    ActuatorSpec, Colouring, ControlSpec, DetectorSpec as Readout, Estimator, Map, PixelSpec,
+    SafetySpec, ScheduleSpec, SegmentSpec, SlopeSpec, SorSpec, Spec, WindowSpec, triangle,
 };
 
 /// Largest pixel gain that the firmware takes: what answers less than a quarter is called bad.
@@ -113,7 +114,7 @@ impl Reconstructor {
 
     /// The firmware's specification.
     pub fn spec(&self) -> Spec<'_> {
-        let Instrument { laser, detector, windows, centroids, control, mirror, .. } =
+        let Instrument { laser, detector, windows, centroids, control, mirror, schedule, .. } =
             &self.instrument;
         let flux_adu = laser.electrons_per_spot / detector.gain_e_per_adu;
         let side = self.instrument.detector_side() as u16;
@@ -188,7 +189,42 @@ impl Reconstructor {
                 pulse_rate_hz: laser.pulse_rate_hz,
                 pulses_per_frame: laser.pulses_per_frame,
                 readout_s: detector.readout_s,
+                short_frame: match self.instrument.gate.short_frames {
+                    ShortFrameName::Mark => ShortFrame::Mark,
+                    ShortFrameName::Scale => ShortFrame::Scale,
+                    ShortFrameName::Drop => ShortFrame::Drop,
+                },
             },
+            schedule: ScheduleSpec {
+                colouring: match *schedule.lattice.as_slice() {
+                    [a, b, c] => Colouring::Lattice([a, b, c]),
+                    // Checked with the description.
+                    _ => Colouring::None,
+                },
+                separation: schedule.separation,
+            },
+            safety: self.safety(flux_adu),
+            serials: Serials {
+                mirror: self.instrument.serials.mirror,
+                detector: self.instrument.serials.detector,
+            },
+        }
+    }
+
+    /// Limits of fluxes in ADU, where a spot nominally has `flux_adu`.
+    fn safety(&self, flux_adu: f64) -> SafetySpec {
+        let safety = &self.instrument.safety;
+        let nominal_adu = flux_adu * self.mask.count() as f64;
+        SafetySpec {
+            valid_min: safety.valid_min,
+            flux_min_adu: safety.flux_min * nominal_adu,
+            flux_max_adu: safety.flux_max * nominal_adu,
+            saturated_pixels_max: safety.saturated_pixels_max,
+            hold_frames: safety.hold_frames,
+            safe_frames: safety.safe_frames,
+            leak: safety.leak,
+            saturated_share: safety.saturated_share,
+            saturated_frames: safety.saturated_frames,
         }
     }
 }

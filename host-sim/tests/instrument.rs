@@ -115,7 +115,7 @@ fn written_and_read_again_it_is_the_same() {
 }
 
 /// For each whole number of the default description: too small, where it can be, and too large.
-const WRONG_COUNTS: [(&str, &[u32]); 10] = [
+const WRONG_COUNTS: [(&str, &[u32]); 16] = [
     ("telescope.subapertures", &[0, 3, 41]),
     ("telescope.samples", &[0, 1, 33]),
     ("laser.pulses_per_frame", &[0, 1_000_001]),
@@ -126,6 +126,12 @@ const WRONG_COUNTS: [(&str, &[u32]); 10] = [
     ("control.delay_frames", &[4]),
     ("control.sweeps", &[1001]),
     ("mirror.dac_bits", &[0, 7, 17]),
+    ("safety.saturated_pixels_max", &[]),
+    ("safety.hold_frames", &[101]),
+    ("safety.safe_frames", &[]),
+    ("safety.saturated_frames", &[]),
+    ("serials.mirror", &[]),
+    ("serials.detector", &[]),
 ];
 
 #[test]

@@ -3,15 +3,16 @@
 use splash_firmware::actuators::Law;
 use splash_firmware::config::Config;
 use splash_firmware::error::ConfigError;
-use splash_firmware::gate::GateSpec;
+use splash_firmware::gate::{GateSpec, ShortFrame};
 use splash_firmware::geometry::Mask;
+use splash_firmware::mirror::Serials;
 use splash_firmware::pipeline::{Outcome, Pipeline, Progress, Report};
 use splash_firmware::pixels::Convention;
 use splash_firmware::segments::ACTUATORS;
 use splash_firmware::slopes::MeanSlope;
 use splash_firmware::spec::{
-    ActuatorSpec, ControlSpec, DetectorSpec, Estimator, Map, PixelSpec, SegmentSpec, SlopeSpec,
-    SorSpec, Spec, WindowSpec, triangle,
+    ActuatorSpec, Colouring, ControlSpec, DetectorSpec, Estimator, Map, PixelSpec, SafetySpec,
+    ScheduleSpec, SegmentSpec, SlopeSpec, SorSpec, Spec, WindowSpec, triangle,
 };
 
 /// Wavelength of the beacon, m.
@@ -83,6 +84,13 @@ pub struct Instrument {
     pub law: Law,
     pub response_m: Values<[[f64; 2]; ACTUATORS]>,
     pub gate: GateSpec,
+    /// The colour of each subaperture; all are lit together where there are none.
+    pub colours: Vec<u8>,
+    /// Of more weight than `colours`.
+    pub lattice: Option<[u8; 3]>,
+    pub separation: f64,
+    pub safety: SafetySpec,
+    pub serials: Serials,
 }
 
 impl Instrument {
@@ -134,7 +142,13 @@ impl Instrument {
                 pulse_rate_hz: 10_000.0,
                 pulses_per_frame: 10,
                 readout_s: 0.2e-3,
+                short_frame: ShortFrame::Mark,
             },
+            colours: Vec::new(),
+            lattice: None,
+            separation: 0.0,
+            safety: SafetySpec::default(),
+            serials: Serials::default(),
         }
     }
 
@@ -201,6 +215,16 @@ impl Instrument {
                 response_m: self.response_m.map(),
             },
             gate: self.gate,
+            schedule: ScheduleSpec {
+                colouring: match (self.lattice, self.colours.as_slice()) {
+                    (Some(lattice), _) => Colouring::Lattice(lattice),
+                    (None, []) => Colouring::None,
+                    (None, colours) => Colouring::List(colours),
+                },
+                separation: self.separation,
+            },
+            safety: self.safety,
+            serials: self.serials,
         }
     }
 

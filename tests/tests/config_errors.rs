@@ -311,11 +311,61 @@ fn gate() -> Vec<Case> {
     cases
 }
 
+/// 16 subapertures, 4 x 4.
+fn schedule() -> Vec<Case> {
+    let colours = |s: &mut Instrument, colours: &[u8]| s.colours = colours.to_vec();
+    let mut gap = [0u8; SUBAPERTURES];
+    gap[3] = 2;
+    let mut many = [0u8; SUBAPERTURES];
+    many[5] = 64;
+    let mut cases = vec![
+        case(Field::Colours, 15.0, |s| colours(s, &[0; SUBAPERTURES - 1])),
+        case(Field::Colours, 1.0, |s| colours(s, &gap)),
+        case(Field::Colours, 64.0, |s| colours(s, &many)).at(5),
+        case(Field::Lattice, 0.0, |s| s.lattice = Some([0, 1, 2])).at(0),
+        case(Field::Lattice, 0.0, |s| s.lattice = Some([2, 1, 0])).at(2),
+        case(Field::Colours, 72.0, |s| s.lattice = Some([9, 1, 8])),
+        case(Field::Separation, 1.0, |s| {
+            colours(s, &[0; SUBAPERTURES]);
+            s.separation = 1.5;
+        })
+        .at(0),
+    ];
+    for value in outside(-0.1, 64.1) {
+        cases.push(case(Field::Separation, value, |s| {
+            colours(s, &[0; SUBAPERTURES]);
+            s.separation = value;
+        }));
+    }
+    cases
+}
+
+fn safety() -> Vec<Case> {
+    let mut cases = Vec::new();
+    for value in outside(-0.01, 1.01) {
+        cases.push(case(Field::ValidMin, value, |s| s.safety.valid_min = value));
+        cases.push(case(Field::Leak, value, |s| s.safety.leak = value));
+        cases.push(case(Field::SaturatedShare, value, |s| s.safety.saturated_share = value));
+    }
+    for value in [f64::NAN, f64::INFINITY, -1.0] {
+        cases.push(case(Field::TotalFluxMin, value, |s| s.safety.flux_min_adu = value));
+    }
+    for value in [f64::NAN, 99.0, -1.0] {
+        cases.push(case(Field::TotalFluxMax, value, |s| {
+            s.safety.flux_min_adu = 100.0;
+            s.safety.flux_max_adu = value;
+        }));
+    }
+    cases.push(case(Field::HoldFrames, 8.0, |s| {
+        s.safety.hold_frames = 8;
+        s.safety.safe_frames = 7;
+    }));
+    cases
+}
+
 fn all() -> Vec<Case> {
-    [geometry(), pixels(), estimators(), slopes(), control(), segments(), gate()]
-        .into_iter()
-        .flatten()
-        .collect()
+    let light = [geometry(), pixels(), estimators(), slopes(), gate(), schedule()];
+    light.into_iter().chain([control(), segments(), safety()]).into_iter().flatten().collect()
 }
 
 #[test]
@@ -346,6 +396,7 @@ fn each_refusal_is_one_line_with_field_value_and_limit() {
         assert!(!text.contains('\n') && !text.ends_with('.'), "{text}");
         let numbers = match error.limit {
             Limit::Within(low, high) | Limit::Between(low, high) => vec![low, high],
+            Limit::Elevation { most, .. } => vec![most],
             Limit::Rule(_) => vec![],
         };
         for number in numbers {
@@ -371,8 +422,15 @@ fn a_gate_that_outlasts_the_period_is_refused_with_its_end() {
         assert!(end_s > 1.0 / rate_hz, "the case is one");
         assert_eq!(error.field, Field::GateEnd);
         assert!((error.value / end_s - 1.0).abs() < 1e-12, "{error}: {end_s}");
-        let Limit::Within(0.0, period_s) = error.limit else { panic!("{error}") };
-        assert_eq!(period_s, 1.0 / rate_hz);
+        let Limit::Elevation { most, least_deg } = error.limit else { panic!("{error}") };
+        assert_eq!(most, 1.0 / rate_hz);
+        // sin e = 2 (H + dH/2) / (c T), where there is such an e.
+        let sine = end_s * zenith_deg.to_radians().cos() * rate_hz;
+        if sine > 1.0 {
+            assert!(error.to_string().ends_with("it fits at no elevation"), "{error}");
+        } else {
+            assert!((least_deg - sine.asin().to_degrees()).abs() < 1e-9, "{error}");
+        }
     }
 }
 

@@ -170,6 +170,7 @@ impl From<ImageError> for Reason {
             ImageError::Refused(ConfigError { field, index, value, limit }) => {
                 let limits = match limit {
                     Limit::Within(low, high) | Limit::Between(low, high) => Some([low, high]),
+                    Limit::Elevation { most, .. } => Some([0.0, most]),
                     Limit::Rule(_) => None,
                 };
                 Self::Value { field, index, value, limits }

@@ -10,6 +10,7 @@ use splash_firmware::centroid::{MAX_WINDOW, MIN_WINDOW};
 use splash_firmware::control::MAX_DELAY;
 use splash_firmware::gate::SPEED_OF_LIGHT_M_PER_S;
 use splash_firmware::geometry::{MAX_ACROSS, MIN_ACROSS};
+use splash_firmware::schedule::MAX_COLOURS;
 
 /// Pixels on a side of the largest detector that the firmware reads.
 pub(super) const MAX_DETECTOR_SIDE: usize = 4096;
@@ -22,7 +23,8 @@ impl Instrument {
     pub fn check(&self) -> Result<(), Error> {
         self.check_light()?;
         self.check_camera()?;
-        self.check_loop()
+        self.check_loop()?;
+        self.check_safety()
     }
 
     /// Telescope, turbulence, laser and star.
@@ -57,8 +59,17 @@ impl Instrument {
         let closed_s =
             2.0 * farthest_m / (SPEED_OF_LIGHT_M_PER_S * laser.zenith_angle_deg.to_radians().cos());
         if closed_s * laser.pulse_rate_hz > 1.0 {
-            let limit =
-                format!("at most {:.0}: the gate closes before the next pulse", 1.0 / closed_s);
+            let zenith_s = 2.0 * farthest_m / SPEED_OF_LIGHT_M_PER_S;
+            let sine = zenith_s * laser.pulse_rate_hz;
+            let fits = match sine <= 1.0 {
+                // Rounded up: at the elevation that is written it fits.
+                true => format!("from {:.1} degrees of elevation", ceil_tenth(sine.asin())),
+                false => "at no elevation".to_string(),
+            };
+            let limit = format!(
+                "at most {:.0}: the gate closes before the next pulse; it fits {fits}",
+                1.0 / closed_s
+            );
             return Err(refuse("laser.pulse_rate_hz", laser.pulse_rate_hz, &limit));
         }
         within("laser.pulses_per_frame", f64::from(laser.pulses_per_frame), 1.0, 1e6)?;
@@ -125,6 +136,32 @@ impl Instrument {
         let step_m = mirror.stroke_m / 65536.0;
         within("mirror.slew_m_per_frame", mirror.slew_m_per_frame, step_m, mirror.stroke_m)
     }
+
+    /// Schedule and safety.
+    fn check_safety(&self) -> Result<(), Error> {
+        let Self { schedule, safety, .. } = self;
+        match schedule.lattice.as_slice() {
+            [] => {}
+            &[a, _, c] => {
+                let colours = f64::from(a) * f64::from(c);
+                within("schedule.lattice: a c", colours, 1.0, MAX_COLOURS as f64)?;
+            }
+            other => return Err(refuse("schedule.lattice", format!("{other:?}"), "[a, b, c]")),
+        }
+        within("schedule.separation", schedule.separation, 0.0, MAX_COLOURS as f64)?;
+        within("safety.valid_min", safety.valid_min, 0.0, 1.0)?;
+        within("safety.flux_min", safety.flux_min, 0.0, 1e3)?;
+        within("safety.flux_max", safety.flux_max, safety.flux_min, 1e3)?;
+        let hold_frames = f64::from(safety.hold_frames);
+        within("safety.hold_frames", hold_frames, 0.0, safety.safe_frames.into())?;
+        within("safety.leak", safety.leak, 0.0, 1.0)?;
+        within("safety.saturated_share", safety.saturated_share, 0.0, 1.0)
+    }
+}
+
+/// Degrees of an angle, rad, rounded up to a tenth.
+fn ceil_tenth(angle: f64) -> f64 {
+    (angle.to_degrees() * 10.0).ceil() / 10.0
 }
 
 /// Refuses what is outside, and what is not a number.

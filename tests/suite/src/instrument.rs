@@ -2,13 +2,14 @@
 
 use splash_firmware::actuators::Law;
 use splash_firmware::error::ConfigError;
-use splash_firmware::gate::GateSpec;
+use splash_firmware::gate::{GateSpec, ShortFrame};
 use splash_firmware::geometry::Mask;
+use splash_firmware::mirror::Serials;
 use splash_firmware::pixels::Convention;
 use splash_firmware::slopes::MeanSlope;
 use splash_firmware::spec::{
-    ActuatorSpec, ControlSpec, DetectorSpec, Estimator, Map, PixelSpec, SegmentSpec, SlopeSpec,
-    SorSpec, Spec, WindowSpec, triangle,
+    ActuatorSpec, ControlSpec, DetectorSpec, Estimator, Map, PixelSpec, SafetySpec, ScheduleSpec,
+    SegmentSpec, SlopeSpec, SorSpec, Spec, WindowSpec, triangle,
 };
 
 use crate::maps::Maps;
@@ -189,7 +190,11 @@ impl Instrument {
                 pulse_rate_hz: 10_000.0,
                 pulses_per_frame: 10,
                 readout_s: 0.2e-3,
+                short_frame: ShortFrame::Mark,
             },
+            schedule: ScheduleSpec::default(),
+            safety: SafetySpec::default(),
+            serials: Serials::default(),
         };
         Ok(if self.calibrated { maps.calibrate(uniform) } else { uniform })
     }

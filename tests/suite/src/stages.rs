@@ -103,6 +103,8 @@ fn add_report(reports: &mut Hasher, report: &Report) {
         Outcome::Held(Hold::WrongRow) => [3, 0],
         Outcome::Held(Hold::NoLight) => [4, 0],
         Outcome::Held(Hold::NotConfigured) => [5, 0],
+        Outcome::Held(Hold::Poor) => [6, 0],
+        Outcome::Held(Hold::Mode) => [7, 0],
     };
     outcome.into_iter().for_each(|value| reports.u16(value));
     let Report { valid, saturated_actuators, slewed_actuators, extra_rows, .. } = *report;

@@ -30,6 +30,7 @@ const FRAME_PATH: [&str; 14] = [
     "15splash_firmware6slopes",
     "15splash_firmware7control",
     "15splash_firmware3sor",
+    "15splash_firmware6mirror",
     "15splash_firmware8segments",
     "15splash_firmware9actuators",
     "15splash_firmware3dsp",
