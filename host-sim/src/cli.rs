@@ -45,6 +45,8 @@ enum Command {
     Strehl(StrehlArgs),
     /// Runs frames by the million on a quick sky, and looks after each at what must hold for ever.
     Endure(EndureArgs),
+    /// Throws faults by the thousand at a closed loop, and looks after each step at what must hold.
+    Faults(FaultsArgs),
     /// Prints the default instrument description (TOML) with comments.
     Config,
 }
@@ -371,6 +373,42 @@ pub struct EndureArgs {
     pub(crate) output: OutputArgs,
 }
 
+/// `host-sim faults`.
+///
+/// A closed loop on a quick sky, in this process, through the controller that boards run; an operator
+/// closes it again whenever it was given up. Looked at after every step: codes within limits and slew, state
+/// within its formats, legal modes, counters that add up, recovery, and spots in place. The first thing
+/// that does not hold ends the run.
+#[derive(Clone, Debug, Args)]
+pub struct FaultsArgs {
+    /// Instrument description (TOML), laid over the default one
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Faults; the default takes about half a minute
+    #[arg(
+        long,
+        value_name = "FAULTS",
+        default_value_t = 10_000,
+        value_parser = value_parser!(u64).range(1..=100_000_000),
+        allow_negative_numbers = true
+    )]
+    pub(crate) count: u64,
+    /// Bad frames one after the other after which the loop is given up, if the description says more
+    #[arg(
+        long,
+        value_name = "FRAMES",
+        default_value_t = 30,
+        value_parser = value_parser!(u16).range(1..),
+        allow_negative_numbers = true
+    )]
+    pub(crate) safe_frames: u16,
+    /// Seed of faults, waves and noise
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub(crate) seed: u64,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
 /// A sensor's name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum SensorName {
@@ -506,6 +544,7 @@ impl Cli {
             Some(Command::Theory(args)) => commands::theory::run(&args),
             Some(Command::Strehl(args)) => commands::strehl::run(&args),
             Some(Command::Endure(args)) => commands::endure::run(&args),
+            Some(Command::Faults(args)) => commands::faults::run(&args),
             Some(Command::Config) => commands::config::run(),
         }
     }

@@ -15,6 +15,7 @@
 //! | [`quick`] | a sky and a detector for runs of a million frames |
 //! | [`closed_loop`] | all of them, frame after frame |
 //! | [`endurance`] | a run by the million frames, and what must hold for ever |
+//! | [`fault_campaign`] | faults by the thousand in a closed loop, and what must hold |
 //! | [`summary`] | averages, digest and faults of a run |
 //! | [`monte_carlo`] | Strehl ratios over independent screens, for all sensors |
 //! | [`theory`] | what each sensor can sense, by equations |
@@ -30,6 +31,7 @@ pub mod commands;
 pub mod detector;
 pub mod endurance;
 pub mod error;
+pub mod fault_campaign;
 pub mod figures;
 pub mod files;
 pub mod imager;
