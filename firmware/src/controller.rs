@@ -462,10 +462,13 @@ impl<const M: usize, const B: usize> Controller<M, B> {
         calibrated: bool,
         at: Moment,
     ) -> Result<(), Refusal> {
-        let Outputs { high_voltage, laser } = self.interlock.outputs();
-        let configured = config.subapertures() > 0;
-        let flat = self.is_flat();
-        let have = Conditions { configured, flat, high_voltage, laser, calibrated };
+        let have = Conditions {
+            configured: config.subapertures() > 0,
+            flat: self.is_flat(),
+            high_voltage: self.interlock.keeps_voltage(),
+            laser: self.interlock.outputs().laser,
+            calibrated,
+        };
         self.modes.enter(mode, have, at)?;
         match mode {
             Mode::ClosedLoop => self.ladder = Ladder::new(),
@@ -607,6 +610,12 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     #[must_use]
     pub const fn modes(&self) -> &Modes {
         &self.modes
+    }
+
+    /// Where a closed loop is on the ladder.
+    #[must_use]
+    pub const fn ladder(&self) -> Ladder {
+        self.ladder
     }
 
     /// The faults since the start.

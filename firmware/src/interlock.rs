@@ -133,6 +133,12 @@ impl Interlock {
         lost
     }
 
+    /// Whether the high voltage is on to stay: not about to go down.
+    #[must_use]
+    pub const fn keeps_voltage(&self) -> bool {
+        matches!(self.state, State::Rising { .. } | State::Up)
+    }
+
     /// What the outputs must be.
     #[must_use]
     pub const fn outputs(&self) -> Outputs {
@@ -195,8 +201,10 @@ mod tests {
     #[test]
     fn the_laser_goes_first_and_the_high_voltage_when_the_mirror_is_flat() {
         let mut interlock = up();
+        assert!(interlock.keeps_voltage());
         interlock.disarm(50);
         assert_eq!(interlock.outputs(), VOLTAGE);
+        assert!(!interlock.keeps_voltage());
         assert_eq!(interlock.step(READY, false, 60), Lost::default());
         assert_eq!(interlock.outputs(), VOLTAGE);
         interlock.step(READY, true, 61);

@@ -18,7 +18,7 @@
 //! | closed loop | yes | yes | | yes | - | |
 //! | test pattern | yes | yes | | | | - |
 //!
-//! *flat*: the mirror shows the flat map. *voltage*: the high voltage is up. *laser*: that and the laser
+//! *flat*: the mirror shows the flat map. *voltage*: the high voltage is on to stay. *laser*: that and the laser
 //! are. *calibrated*: the running configuration's calibration fits it. Out of safe there is one way, by
 //! the operator; into safe there always is one. Every transition is recorded with its reason; what is
 //! refused changes nothing, is counted, and says what is missing.
@@ -78,7 +78,7 @@ pub struct Conditions {
     pub configured: bool,
     /// The mirror shows the flat map.
     pub flat: bool,
-    /// The high voltage is up.
+    /// The high voltage is on, and not about to go down.
     pub high_voltage: bool,
     /// The laser is on.
     pub laser: bool,

@@ -6,20 +6,22 @@ use core::convert::Infallible;
 use embassy_stm32::peripherals::IWDG1;
 use embassy_stm32::wdg::IndependentWatchdog;
 use heapless::spsc::Consumer;
+use splash_firmware::interlock::{Interlock, Lost, Times};
 use splash_firmware::link::Stack;
+use splash_firmware::watchdog::{Part, Watchdog};
 use splash_server::Link;
 use stm32h743_logic::frame_loop::{Counter, Record};
 use stm32h743_logic::gate::GateTicks;
-use stm32h743_logic::interlock::{Interlock, Step};
 use stm32h743_logic::queues::News;
 use stm32h743_logic::service::Board;
 use stm32h743_logic::telemetry;
-use stm32h743_logic::vitals::Vitals;
 
 /// For how long a PC is let wait for a frame, ms.
 const PATIENCE_MS: u32 = 1_000;
 /// Bytes that are sent before the other duties are looked at again: 174 us.
 const SENT_AT_ONCE: usize = 16;
+/// From the high voltage's enable to the laser's, ms.
+const SETTLE_MS: u32 = 100;
 /// Frames from one line of the log to the next.
 const LOG_FRAMES: u32 = 1_000;
 /// Wavelength of the Strehl ratio in the log, nm.
@@ -31,7 +33,9 @@ pub(crate) struct Desk {
     watchdog: IndependentWatchdog<'static, IWDG1>,
     news: Consumer<'static, News>,
     interlock: Interlock,
-    vitals: Vitals,
+    cycle: Watchdog,
+    /// Cycles since the start, as of the last round.
+    ticks: u64,
     /// Frames are taken from the detector.
     reading: bool,
     ulp_m: f64,
@@ -53,8 +57,13 @@ impl Desk {
             link,
             watchdog,
             news,
-            interlock: Interlock::new(),
-            vitals: Vitals::new(),
+            // The mirror is flat as soon as the loop is opened.
+            interlock: Interlock::new(Times {
+                settle_ticks: milliseconds(SETTLE_MS).into(),
+                fall_ticks: 0,
+            }),
+            cycle: Watchdog::new(),
+            ticks: 0,
             reading: false,
             ulp_m: 0.0,
             frames: 0,
@@ -66,13 +75,14 @@ impl Desk {
 
     /// A round of all duties but the link.
     fn round(&mut self) {
-        match self.interlock.step(enables::chains()) {
-            Step::Kept { enabled } => enables::set(enabled),
-            Step::Tripped(chains) => {
-                enables::set(false);
-                defmt::error!("interlock open, enables down: {}", chains);
-            }
+        let passed = Cycles.now().wrapping_sub(self.ticks as u32);
+        self.ticks = self.ticks.wrapping_add(passed.into());
+        let lost = self.interlock.step(enables::inputs(), true, self.ticks);
+        enables::set(self.interlock.outputs());
+        if lost != Lost::default() {
+            defmt::error!("interlock open, enables down: {}", lost);
         }
+        self.cycle.done(Part::Interlock);
         while let Some(news) = self.news.dequeue() {
             match news {
                 News::Frame(record) => self.frame(&record),
@@ -85,13 +95,16 @@ impl Desk {
                 }
             }
         }
-        if self.vitals.feed(self.reading, gate::stamp()) {
+        self.cycle.done(Part::Service);
+        if self.cycle.feed(self.reading, gate::stamp()) {
             self.watchdog.pet();
         }
     }
 
     fn frame(&mut self, record: &Record) {
-        self.vitals.frame(record.sent);
+        if record.sent {
+            self.cycle.done(Part::Frame);
+        }
         self.frames = self.frames.wrapping_add(1);
         self.slowest = self.slowest.max(record.cycles.latency);
         if !self.frames.is_multiple_of(LOG_FRAMES) {
@@ -159,14 +172,14 @@ impl Board for Desk {
     }
 
     fn arm(&mut self) {
-        if let Err(chains) = self.interlock.arm(enables::chains()) {
-            defmt::warn!("interlock open, enables stay down: {}", chains);
+        if let Err(inputs) = self.interlock.arm(enables::inputs(), self.ticks) {
+            defmt::warn!("interlock open, enables stay down: {}", inputs);
         }
     }
 
     fn disarm(&mut self) {
-        self.interlock.disarm();
-        enables::set(false);
+        self.interlock.disarm(self.ticks);
+        enables::off();
     }
 
     fn stack(&self) -> Stack {

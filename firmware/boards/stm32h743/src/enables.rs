@@ -1,16 +1,16 @@
 //! Interlock inputs and enables: four pins. Each step of what they do is in
-//! `stm32h743_logic::interlock`.
+//! `splash_firmware::interlock`.
 
 use crate::pins::port;
 use embassy_stm32::pac::gpio::vals::{Idr, Moder, Pupdr};
-use stm32h743_logic::interlock::Chains;
+use splash_firmware::interlock::{Inputs, Outputs};
 use stm32h743_logic::pins::{
     HIGH_VOLTAGE_CLOSED, HIGH_VOLTAGE_ENABLE, LASER_CLOSED, LASER_ENABLE, Pin,
 };
 
 /// Takes both enables down and makes the pins what they are.
 pub(crate) fn down() {
-    set(false);
+    off();
     for pin in [LASER_ENABLE, HIGH_VOLTAGE_ENABLE] {
         port(pin).moder().modify(|w| w.set_moder(pin.number.into(), Moder::OUTPUT));
     }
@@ -21,8 +21,9 @@ pub(crate) fn down() {
 }
 
 /// Sets both enables.
-pub(crate) fn set(up: bool) {
-    for pin in [LASER_ENABLE, HIGH_VOLTAGE_ENABLE] {
+pub(crate) fn set(outputs: Outputs) {
+    let Outputs { high_voltage, laser } = outputs;
+    for (pin, up) in [(LASER_ENABLE, laser), (HIGH_VOLTAGE_ENABLE, high_voltage)] {
         port(pin).bsrr().write(|w| {
             w.set_bs(pin.number.into(), up);
             w.set_br(pin.number.into(), !up);
@@ -30,8 +31,13 @@ pub(crate) fn set(up: bool) {
     }
 }
 
+/// Takes both enables down.
+pub(crate) fn off() {
+    set(Outputs { high_voltage: false, laser: false });
+}
+
 /// Reads both chains.
-pub(crate) fn chains() -> Chains {
+pub(crate) fn inputs() -> Inputs {
     let closed = |pin: Pin| port(pin).idr().read().idr(pin.number.into()) == Idr::HIGH;
-    Chains { laser: closed(LASER_CLOSED), high_voltage: closed(HIGH_VOLTAGE_CLOSED) }
+    Inputs { laser_permit: closed(LASER_CLOSED), high_voltage_ready: closed(HIGH_VOLTAGE_CLOSED) }
 }

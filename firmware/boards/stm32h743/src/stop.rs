@@ -8,13 +8,13 @@ use cortex_m_rt::{ExceptionFrame, exception};
 pub(crate) fn halt() -> ! {
     cortex_m::interrupt::disable();
     loop {
-        enables::set(false);
+        enables::off();
     }
 }
 
 #[panic_handler]
 fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
-    enables::set(false);
+    enables::off();
     defmt::error!("{}", defmt::Display2Format(info));
     halt()
 }
@@ -22,7 +22,7 @@ fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
 // SAFETY: it takes the enables down, logs and stays; nothing runs on after it.
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    enables::set(false);
+    enables::off();
     defmt::error!("hard fault at {=u32:#010x}, from {=u32:#010x}", frame.pc(), frame.lr());
     halt()
 }
@@ -30,7 +30,7 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
 // SAFETY: as above.
 #[exception]
 unsafe fn DefaultHandler(interrupt: i16) {
-    enables::set(false);
+    enables::off();
     defmt::error!("unexpected interrupt {}", interrupt);
     halt()
 }

@@ -14,8 +14,6 @@
 //! | [`ad5370`] | words of the DACs |
 //! | [`dac_bus`] | which DAC is whose; the words by `embedded-hal` |
 //! | [`dac_burst`] | the same words as one DMA transfer a bus, and the timer that steers them |
-//! | [`interlock`] | when laser and high voltage are enabled |
-//! | [`vitals`] | when the watchdog is fed |
 //! | [`queues`] | what interrupts, frames and main loop pass to one another |
 //! | [`asking`], [`answers`] | how the main loop asks, and what is then done |
 //! | [`service`] | requests of the link |
@@ -34,7 +32,6 @@ pub mod dac_bus;
 pub mod frame_clock;
 pub mod frame_loop;
 pub mod gate;
-pub mod interlock;
 pub mod mpu;
 pub mod pins;
 pub mod queues;
@@ -43,4 +40,3 @@ pub mod ring;
 pub mod service;
 pub mod shape;
 pub mod telemetry;
-pub mod vitals;
