@@ -34,6 +34,7 @@ mod dsp;
 pub mod error;
 pub mod fault;
 pub mod fixed;
+pub mod frame_counter;
 pub mod gate;
 pub mod geometry;
 pub mod image;
