@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn one_wrong_number_harms_no_other_frame() {
-        for wrong in [8, 9, 3, 1 << 31] {
+        for wrong in [8, 7, 3, 1 << 31] {
             let mut counter = behind(8);
             assert!(matches!(counter.count(wrong), Counted::Wrong(_)), "{wrong}");
             assert_eq!(counter.count(10), next(0), "behind {wrong}");

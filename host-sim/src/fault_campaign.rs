@@ -43,9 +43,9 @@ use splash_firmware::mode::Mode;
 use splash_firmware::pipeline::RowError;
 
 /// Mean number of frames between two mishaps.
-const GAP: f64 = 8.0;
+const GAP: f64 = 30.0;
 /// Longest that something stays broken, frames.
-const LONGEST: u32 = 150;
+const LONGEST: u32 = 60;
 /// Frames within which the operator closes the loop again once nothing keeps it open: the mirror ramps to
 /// flat, the high voltage settles, and attempts come every few frames.
 pub const RECOVERY: u64 = 200;
