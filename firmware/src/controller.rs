@@ -167,7 +167,8 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     /// A frame has been exposed and its rows will come.
     ///
     /// Frames between the last one and this one are missing and told to the ladder; the mirror does not
-    /// move for them.
+    /// move for them. With a configuration that was not taken over by [`Controller::exchange`] nothing
+    /// begins.
     pub fn begin<const P: usize>(&mut self, config: &Config<M, P, B>, start: Start) {
         let Start { number, pulses, ticks } = start;
         self.at = Moment { frame: number, ticks };
@@ -183,9 +184,17 @@ impl<const M: usize, const B: usize> Controller<M, B> {
         if seen < asked {
             self.faults.book(Fault::PulsesMissed { asked, seen }, self.at);
         }
-        self.pipeline.begin(config, number);
+        self.begin_frame(config, number);
         if config.short_frame() == ShortFrame::Scale {
             self.pipeline.scale_flux(seen, asked);
+        }
+    }
+
+    /// Lets the pipeline begin, which would set the flat map's codes at once for a configuration that does
+    /// not drive the mirror.
+    fn begin_frame<const P: usize>(&mut self, config: &Config<M, P, B>, number: u32) {
+        if self.pipeline.mirror().is_driven(config.subapertures()) {
+            self.pipeline.begin(config, number);
         }
     }
 
@@ -196,7 +205,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
         }
         self.faults.book_times(Fault::FrameMissing, missing, self.at);
         for back in (1..=missing.min(HELD)).rev() {
-            self.pipeline.begin(config, number.wrapping_sub(back));
+            self.begin_frame(config, number.wrapping_sub(back));
             let Measured { report, hold } = self.pipeline.measure(config);
             self.pipeline.keep(report, hold.unwrap_or(Hold::Mode));
         }
@@ -266,7 +275,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
         if matches!(self.modes.mode(), Mode::Standby | Mode::OpenLoop | Mode::ClosedLoop) {
             self.faults.book(Fault::FrameMissing, self.at);
         }
-        self.pipeline.begin(config, number);
+        self.begin_frame(config, number);
         let measured = self.pipeline.measure(config);
         self.act(config, measured, Some(Fault::FrameMissing), &mut ())
     }
@@ -329,7 +338,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
                     Rung::Leak => {
                         let part = config.ladder().leak_q16;
                         self.pipeline.steer(config, (report, kept), false, |mirror| {
-                            mirror.leak(config, part);
+                            mirror.leak(config, part)
                         })
                     }
                     Rung::GiveUp(fault) => {
@@ -344,7 +353,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
                 let wanted = &self.wanted;
                 self.pipeline.steer(config, (report, kept), true, |mirror| {
                     let ask = |i: usize, position| wanted.get(i).copied().unwrap_or(position);
-                    mirror.steer(config, &mut { ask });
+                    mirror.steer(config, &mut { ask })
                 })
             }
         };
@@ -509,7 +518,8 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     ///
     /// For the same mask the mirror stays where it is, whatever the flat maps, and goes on from there; for
     /// another it must be safe and flat. The first one sets the flat map's codes at once: nothing has
-    /// driven the mirror before.
+    /// driven the mirror before. The gate goes to the configuration's range, if that is another than
+    /// that of the one before.
     ///
     /// # Errors
     /// A [`Refusal`]; go on with `before`, nothing has changed but the count of refusals.
@@ -550,7 +560,10 @@ impl<const M: usize, const B: usize> Controller<M, B> {
                 return Err(Refusal::NotFlat);
             }
         }
-        self.gate.ask(config.range(), &config.timing()).map_err(Refusal::Gate)?;
+        // One that tracks the zenith angle goes on doing so.
+        let tracked = same_mask && before.range() == config.range();
+        let range = if tracked { self.gate.asked() } else { config.range() };
+        self.gate.ask(range, &config.timing()).map_err(Refusal::Gate)?;
         if !same_mask {
             self.pipeline.reset(config);
         } else if !before.same_mechanics(config) {

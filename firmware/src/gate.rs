@@ -385,6 +385,12 @@ impl Gate {
         self.running.range
     }
 
+    /// What will be gated from the next boundary on.
+    #[must_use]
+    pub fn asked(&self) -> Range {
+        self.pending.map_or(self.running.range, |pending| pending.range)
+    }
+
     /// Pulses missed since the start.
     #[must_use]
     pub const fn missed(&self) -> u32 {
@@ -507,6 +513,7 @@ mod tests {
         let higher = Range { altitude_mm: 13_000_000, ..RAYLEIGH };
         let asked = gate.ask(higher, &TIMING).expect("fits");
         assert_eq!(gate.running(), first);
+        assert_eq!((gate.range(), gate.asked()), (RAYLEIGH, higher));
         let stamp = gate.frame(10);
         assert_eq!((stamp.range, stamp.delay, stamp.width), (RAYLEIGH, first.delay, first.width));
         assert_eq!((stamp.asked, stamp.seen, stamp.missed()), (10, 10, 0));

@@ -20,7 +20,20 @@
 //! | [`segments`] | piston, tip, tilt | heights of three actuators, inside what they reach |
 //! | [`actuators`] | heights | DAC codes, u16 |
 //!
-//! [`pipeline::Pipeline`] composes them; [`spec::Spec`] describes an instrument in physical units
+//! and what decides about frames and mirror:
+//!
+//! | module | what |
+//! |---|---|
+//! | [`quality`] | which frames may be reconstructed |
+//! | [`schedule`] | which subapertures a frame lights |
+//! | [`gate`] | the range gate, tick by tick |
+//! | [`mode`], [`ladder`] | what the mirror is for; what bad frames do to a closed loop |
+//! | [`fault`], [`last_words`] | what went wrong, counted and kept |
+//! | [`mirror`] | the guard that every code passes |
+//! | [`interlock`], [`watchdog`] | when laser and high voltage may be on, when a cycle went well |
+//! | [`controller`] | all of them, as a board drives it |
+//!
+//! [`pipeline::Pipeline`] composes the stages; [`spec::Spec`] describes an instrument in physical units
 //! and [`config::Config::build`] turns it, once, into integers that cannot be wrong.
 
 #![cfg_attr(not(test), no_std)]

@@ -10,8 +10,8 @@
 //! map, of which heights are relative: never code zero.
 //!
 //! Between two calls of the guard an actuator moves by the slew limit at most, but in two cases where
-//! there is nothing to be slow from: [`Mirror::cold_start`], before the drive is on; and where another
-//! configuration's limits leave out what the mirror shows ([`Mirror::adopt`]): limits come first.
+//! there is nothing to be slow from: at a cold start, before the drive is on; and where another
+//! configuration's limits leave out what the mirror shows: limits come first.
 
 use crate::actuators::{self, Drive, Law};
 use crate::config::Config;
@@ -160,8 +160,11 @@ impl<const M: usize> Mirror<M> {
     }
 
     /// A step towards the flat map.
-    pub(crate) fn flatten<const P: usize, const B: usize>(&mut self, config: &Config<M, P, B>) {
-        self.steer(config, &mut |_, _| Position::default());
+    pub(crate) fn flatten<const P: usize, const B: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+    ) -> Limits {
+        self.steer(config, &mut |_, _| Position::default())
     }
 
     /// A step of `part`, Q16, of the way to the flat map.
@@ -169,8 +172,8 @@ impl<const M: usize> Mirror<M> {
         &mut self,
         config: &Config<M, P, B>,
         part_q16: u16,
-    ) {
-        self.steer(config, &mut |_, position| segments::leaked(position, part_q16));
+    ) -> Limits {
+        self.steer(config, &mut |_, position| segments::leaked(position, part_q16))
     }
 
     /// Whether the flat map is shown.

@@ -23,7 +23,7 @@ use crate::centroid::Measurement;
 use crate::config::Config;
 use crate::control::{Control, Taking};
 use crate::fixed::{self, TILT_LIMIT};
-use crate::mirror::Mirror;
+use crate::mirror::{Limits, Mirror};
 pub use crate::probe::{Probe, Stage};
 use crate::readout::{Readout, Sink};
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
@@ -55,8 +55,8 @@ pub struct Pipeline<const M: usize, const B: usize> {
     restarted: bool,
     /// The sub-cycle of a schedule that the frame is.
     colour: u8,
-    /// Laser pulses of those asked for that its flux limits are for, Q16.
-    pulses_q16: u32,
+    /// Laser pulses, of those asked for, that its flux limits do without, Q16.
+    lacking_q16: u32,
     /// Whether pistons are those of a frame.
     warm: bool,
     global_tilt: Option<GlobalTilt>,
@@ -90,7 +90,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
             extra_rows: 0,
             restarted: false,
             colour: 0,
-            pulses_q16: WHOLE,
+            lacking_q16: 0,
             warm: false,
             global_tilt: None,
             totals: Totals {
@@ -165,7 +165,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         self.frame = frame;
         self.extra_rows = 0;
         self.colour = config.schedule.colour_of(frame);
-        self.pulses_q16 = WHOLE;
+        self.lacking_q16 = 0;
         self.phase = Phase::Reading;
         self.readout.begin();
         self.control.begin();
@@ -175,7 +175,8 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     /// Lets the flux limits of the frame that has begun be for `seen` of `asked` laser pulses.
     pub(crate) fn scale_flux(&mut self, seen: u32, asked: u32) {
         let part = (u64::from(seen) << 16).checked_div(u64::from(asked));
-        self.pulses_q16 = part.map_or(WHOLE, |part| part.min(WHOLE.into()) as u32);
+        self.lacking_q16 =
+            part.map_or(0, |part| WHOLE.saturating_sub(part.min(WHOLE.into()) as u32));
     }
 
     /// Takes the next detector row, raw ADU below 2^bits.
@@ -272,7 +273,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
             scale: SlopeScale::new(config.gain_exponent),
             control: self.control.taking(&config.control),
             slopes: slopes.map_or(&mut [], |slopes| slopes),
-            special: Special::new(&config.schedule, self.colour, self.pulses_q16),
+            special: Special::new(&config.schedule, self.colour, self.lacking_q16),
             saturated_pixels: &mut self.saturated_pixels,
         };
         (&mut self.readout, windows)
@@ -351,17 +352,25 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         config: &Config<M, P, B>,
         (report, hold): (Report, Hold),
         cold: bool,
-        step: impl FnOnce(&mut Mirror<M>),
+        step: impl FnOnce(&mut Mirror<M>) -> Limits,
     ) -> Report {
         self.total(hold);
-        step(&mut self.mirror);
+        let Limits { saturated, slewed } = step(&mut self.mirror);
         self.control.record(self.mirror.positions().iter().map(|position| position.tilt_ulp));
         self.show(config);
         if cold && self.warm {
             self.warm = false;
             self.sor.reset();
         }
-        Report { outcome: Outcome::Held(hold), ..report }
+        let add = |total: &mut u32, n: u16| *total = total.saturating_add(n.into());
+        add(&mut self.totals.saturated_actuators, saturated);
+        add(&mut self.totals.slewed_actuators, slewed);
+        Report {
+            outcome: Outcome::Held(hold),
+            saturated_actuators: saturated,
+            slewed_actuators: slewed,
+            ..report
+        }
     }
 
     /// The mirror and its guard.
@@ -580,10 +589,14 @@ struct Special<'a> {
 }
 
 impl<'a> Special<'a> {
-    fn new<const M: usize>(schedule: &'a Schedule<M>, colour: u8, pulses_q16: u32) -> Option<Self> {
+    fn new<const M: usize>(
+        schedule: &'a Schedule<M>,
+        colour: u8,
+        lacking_q16: u32,
+    ) -> Option<Self> {
         let colours = if schedule.is_partial() { schedule.colours.as_slice() } else { &[] };
-        let special = !colours.is_empty() || pulses_q16 != WHOLE;
-        special.then_some(Self { colours, colour, pulses_q16 })
+        let special = !colours.is_empty() || lacking_q16 != 0;
+        special.then_some(Self { colours, colour, pulses_q16: WHOLE - lacking_q16 })
     }
 
     fn lights(&self, i: usize) -> bool {

@@ -145,7 +145,8 @@ fn check_separation(
         for (j, (other_x, other_y)) in mask.cells().enumerate().skip(i + 1) {
             let apart = x.abs_diff(other_x).pow(2) + y.abs_diff(other_y).pow(2);
             let same = colour(i, (x, y)) == colour(j, (other_x, other_y));
-            if same && (apart as f64) < separation * separation {
+            // A root that was rounded up still is met.
+            if same && libm::sqrt(apart as f64) < separation {
                 let limit = Limit::Within(separation, f64::INFINITY);
                 return Err(ConfigError::at(Field::Separation, i, libm::sqrt(apart as f64), limit));
             }

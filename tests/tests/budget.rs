@@ -7,6 +7,7 @@
 use std::mem::size_of;
 
 use splash_firmware::config::Config;
+use splash_firmware::controller::Controller;
 use splash_firmware::pipeline::{Outcome, Pipeline};
 use splash_firmware::spec::Estimator;
 use splash_tests::frames::{Background, Rng, frame, scattered};
@@ -38,6 +39,18 @@ fn a_bank_fits() {
     check("bank, N = 16, W = 8", size_of::<Config<256, PIXELS, 0>>(), BANK);
     check("bank, N = 8, W = 16, brightest-n", size_of::<Config<64, PIXELS, BUFFER_8>>(), BANK);
     check("bank, N = 16, W = 8, brightest-n", size_of::<Config<256, PIXELS, BUFFER_16>>(), BANK);
+}
+
+/// What decides, beside the frame path: two rings of 16 records, and 12 bytes a segment of where patterns
+/// want it.
+#[test]
+fn what_decides_is_small() {
+    let beside = |cells: usize, controller: usize, pipeline: usize| {
+        let what = format!("controller beside the pipeline, {cells} cells");
+        check(&what, controller - pipeline, 12 * cells + 2 * KIB);
+    };
+    beside(64, size_of::<Controller<64, 0>>(), size_of::<Pipeline<64, 0>>());
+    beside(256, size_of::<Controller<256, 0>>(), size_of::<Pipeline<256, 0>>());
 }
 
 /// What a Linux thread costs before `body` runs on it: guard, thread-local data, the runtime's own

@@ -88,11 +88,14 @@ pub fn instructions(
     (0..count).map(move |i| unsafe { qemu_plugin_tb_get_insn(block, i) })
 }
 
-/// Whether an instruction has two bytes, and these.
+/// Whether an instruction starts with these bytes, which no longer one does.
+///
+/// Its size does not tell: at the end of a page QEMU looks at the next instruction before it ends the
+/// block, and what it looked at counts with the one before.
 pub fn is(instruction: *const Instruction, bytes: [u8; 2]) -> bool {
     // SAFETY: the instruction is of a block in translation; QEMU holds as many bytes as it says.
     unsafe {
-        qemu_plugin_insn_size(instruction) == bytes.len()
+        qemu_plugin_insn_size(instruction) >= bytes.len()
             && qemu_plugin_insn_data(instruction).cast::<[u8; 2]>().read() == bytes
     }
 }
