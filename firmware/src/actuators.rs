@@ -28,11 +28,18 @@ pub enum Law {
 
 /// The line v(h) of one actuator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Response {
+pub struct Response {
     /// v of the flat mirror.
-    pub(crate) offset: i32,
-    /// Change of v over 2^[`SLOPE_BITS`] ulp of piston.
-    pub(crate) slope: i32,
+    pub offset: i32,
+    /// Change of v over 2^21 ulp of piston.
+    pub slope: i32,
+}
+
+impl Response {
+    /// v at a height within +-2^27 ulp of piston.
+    pub(crate) const fn value(&self, height_ulp: i32) -> i64 {
+        self.offset as i64 + ((self.slope as i64 * height_ulp as i64) >> SLOPE_BITS)
+    }
 }
 
 /// ulp, as a power of two, over which [`Response::slope`] is the change: an actuator that reaches
@@ -41,11 +48,11 @@ pub(crate) const SLOPE_BITS: u32 = 21;
 
 /// What all actuators share.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Drive {
+pub struct Drive {
     /// How height follows from code.
-    pub(crate) law: Law,
+    pub law: Law,
     /// Bits that the DAC lacks of 16.
-    pub(crate) spare_bits: u32,
+    pub spare_bits: u32,
 }
 
 impl Drive {

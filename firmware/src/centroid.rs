@@ -38,14 +38,27 @@ pub const CENTROID_LIMIT: i32 = (2 * MAX_WINDOW as i32) << CENTROID_BITS;
 
 /// How a window becomes a centroid, in fixed point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) enum EstimatorConfig {
+pub enum EstimatorConfig {
     /// Centre of gravity above the larger of the pixels' threshold and `peak_fraction` (Q16) of
     /// the subaperture's previous peak; plain CoG has fraction 0.
-    CentreOfGravity { peak_fraction: u16 },
+    CentreOfGravity {
+        /// Q16.
+        peak_fraction: u16,
+    },
     /// Centre of gravity weighted with the template; `gain` is Q12.
-    Weighted { peak_fraction: u16, gain: i32 },
+    Weighted {
+        /// Q16.
+        peak_fraction: u16,
+        /// Displacement per measured displacement from the weight's centre, Q12, 1 to 7 x 4096.
+        gain: i32,
+    },
     /// Centre of gravity above the (n+1)-th brightest pixel; `bits` bounds the signal.
-    Brightest { n: u32, bits: u32 },
+    Brightest {
+        /// 1 to W^2 - 1.
+        n: u32,
+        /// Of the signal, 1 to 16.
+        bits: u32,
+    },
 }
 
 /// One subaperture's measurement in one frame.
@@ -357,9 +370,9 @@ pub(crate) fn weighted_row_moments(signal: &[u16], weights: &[u8], row: u8) -> (
 }
 
 /// Steps of a pixel by which the template can be placed.
-const PHASES: usize = 8;
+pub const PHASES: usize = 8;
 /// Template samples per phase: the window, half a window of motion either way, and its ends.
-const TEMPLATE: usize = 2 * MAX_WINDOW + 2;
+pub const TEMPLATE: usize = 2 * MAX_WINDOW + 2;
 
 /// A Gaussian weight sampled at eight positions a pixel, Q8 (255 at its centre), so that a row of
 /// weights for any centre is one slice.

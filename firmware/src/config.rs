@@ -6,6 +6,7 @@
 //! between frames.
 
 use crate::actuators::{Drive, Law, Response};
+use crate::calibration::Calibration;
 use crate::centroid::{self, EstimatorConfig, Template};
 use crate::control::{ControlConfig, Gains};
 use crate::error::ConfigError;
@@ -32,13 +33,13 @@ const COLD: u16 = 4;
 
 /// Where a window is and whose it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Slot {
+pub struct Slot {
     /// Column of its first pixel.
-    pub(crate) x0: u16,
+    pub x0: u16,
     /// Row of its first pixel.
-    pub(crate) y0: u16,
+    pub y0: u16,
     /// Its subaperture.
-    pub(crate) subaperture: u16,
+    pub subaperture: u16,
 }
 
 /// A validated configuration.
@@ -87,6 +88,8 @@ pub struct Config<const M: usize, const P: usize, const B: usize> {
     pub(crate) lsb_m: f64,
     pub(crate) adu_per_unit: f64,
     pub(crate) omega: f64,
+    /// Record of the calibration that it carries.
+    pub(crate) calibrated: Option<Calibration>,
 }
 
 impl<const M: usize, const P: usize, const B: usize> Default for Config<M, P, B> {
@@ -145,6 +148,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             lsb_m: 0.0,
             adu_per_unit: 0.0,
             omega: 0.0,
+            calibrated: None,
         }
     }
 
@@ -198,6 +202,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.serials = spec.serials;
         self.lsb_m = quantiser.lsb_m;
         self.adu_per_unit = quantiser.adu_per_unit;
+        self.calibrated = None;
         self.fill_nodes(&spec.mask);
         self.fill_subapertures(&quantiser, spec)?;
         self.schedule.fill(spec);
@@ -216,6 +221,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
     /// Back to no subapertures.
     pub(crate) fn forget(&mut self) {
         self.mask = None;
+        self.calibrated = None;
         self.clear();
         self.bank.clear();
         self.nodes.clear();

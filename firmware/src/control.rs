@@ -37,20 +37,20 @@ pub const MAX_DELAY: usize = 3;
 
 /// The coefficients of one subaperture, Q13.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Gains {
+pub struct Gains {
     /// 1 - g.
-    pub(crate) keep: i16,
+    pub keep: i16,
     /// g f.
-    pub(crate) take: i16,
+    pub take: i16,
 }
 
 /// What the control law needs beside the gains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct ControlConfig {
+pub struct ControlConfig {
     /// What is done with the mean.
-    pub(crate) mean: MeanSlope,
+    pub mean: MeanSlope,
     /// L: frames between the end of an exposure and the start of the command made from it.
-    pub(crate) delay: u8,
+    pub delay: u8,
 }
 
 /// The integrator's state and the commands' recent past.

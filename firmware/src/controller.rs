@@ -599,6 +599,12 @@ impl<const M: usize, const B: usize> Controller<M, B> {
         &self.pipeline
     }
 
+    /// The frame path by itself, past modes, ladder and gate: for a bench without a mirror. What drives
+    /// a mirror never calls this.
+    pub const fn bench(&mut self) -> &mut Pipeline<M, B> {
+        &mut self.pipeline
+    }
+
     /// The DAC codes: valid at any time.
     #[must_use]
     pub fn codes(&self) -> &[[u16; ACTUATORS]] {

@@ -3,7 +3,7 @@
 //! Nothing that goes wrong is silent: whoever finds a fault books it here. Counters saturate; the ring
 //! keeps the last [`RECORDS`] and is read from the oldest.
 
-use heapless::HistoryBuf;
+use heapless::Deque;
 use serde::{Deserialize, Serialize};
 
 /// Faults that are kept with their circumstances.
@@ -173,7 +173,7 @@ pub struct Record {
 #[derive(Debug)]
 pub struct Faults {
     counts: [u32; KINDS],
-    last: HistoryBuf<Record, RECORDS>,
+    last: Deque<Record, RECORDS>,
 }
 
 impl Default for Faults {
@@ -186,7 +186,7 @@ impl Faults {
     /// None yet.
     #[must_use]
     pub const fn new() -> Self {
-        Self { counts: [0; KINDS], last: HistoryBuf::new() }
+        Self { counts: [0; KINDS], last: Deque::new() }
     }
 
     /// Books a fault.
@@ -199,7 +199,11 @@ impl Faults {
         if let Some(count) = self.counts.get_mut(fault.kind()) {
             *count = count.saturating_add(times);
         }
-        self.last.write(Record { fault, at });
+        if self.last.is_full() {
+            self.last.pop_front();
+        }
+        // There is room now.
+        let _ = self.last.push_back(Record { fault, at });
     }
 
     /// How often each kind has been, in the order of [`NAMES`].
@@ -210,7 +214,7 @@ impl Faults {
 
     /// The last faults, oldest first.
     pub fn last(&self) -> impl Iterator<Item = &Record> {
-        self.last.oldest_ordered()
+        self.last.iter()
     }
 
     /// Counts from zero again, and forgets the records.

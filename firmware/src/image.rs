@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! "SPLI"  version u16                              little-endian, as everything below
-//! rows of the mask, N u64, after the head          bit x of row y is the cell (x, y)
-//! head, slots, subapertures                        postcard, each after its length (u8)
+//! rows of the mask, N u64, after the calibration   bit x of row y is the cell (x, y)
+//! head, calibration, slots, subapertures           postcard, each after its length (u8)
 //! template, floors u16, losses u16, thresholds u8  in the bank's order
 //! CRC-32 (ISO-HDLC) of all before
 //! ```
@@ -20,6 +20,7 @@ use crate::error::{ConfigError, Field, Limit};
 use crate::gate::{GateTiming, Range, ShortFrame};
 use crate::geometry::Mask;
 use crate::ladder::LadderLimits;
+use crate::loader::Loader;
 use crate::mirror::Serials;
 use crate::pixels::Convention;
 use crate::quality::QualityLimits;
@@ -31,14 +32,12 @@ use crate::validate;
 use core::fmt;
 use serde::{Deserialize, Serialize};
 
-const MAGIC: [u8; 4] = *b"SPLI";
+pub(crate) const MAGIC: [u8; 4] = *b"SPLI";
 /// Version of the layout.
 pub const VERSION: u16 = 2;
-const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+pub(crate) const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 /// Longest record, bytes: its length is one byte.
-const RECORD: usize = u8::MAX as usize;
-/// Bytes of the pixel maps that are moved at once.
-const PIECE: usize = 64;
+pub(crate) const RECORD: usize = u8::MAX as usize;
 
 /// Why an image was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,45 +84,77 @@ impl From<ConfigError> for ImageError {
 }
 
 /// Everything that is there once.
-#[derive(Serialize, Deserialize)]
-struct Head {
-    across: u8,
-    width: u16,
-    height: u16,
-    window: u8,
-    bits: u8,
-    estimator: EstimatorConfig,
-    gain_exponent: u32,
-    control: ControlConfig,
-    tilt_max_age: u32,
-    omega: f64,
-    sweeps: u16,
-    cold_sweeps: u16,
-    ratio_bits: u32,
-    slew_ulp: i32,
-    drive: Drive,
-    timing: GateTiming,
-    range: Range,
-    short_frame: ShortFrame,
-    quality: QualityLimits,
-    ladder: LadderLimits,
-    serials: Serials,
-    lsb_m: f64,
-    adu_per_unit: f64,
-    convention: Convention,
-    threshold_shift: u32,
-    saturation: u16,
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Head {
+    /// N, subapertures across the pupil.
+    pub across: u8,
+    /// Pixels in a detector row.
+    pub width: u16,
+    /// Rows in a frame.
+    pub height: u16,
+    /// W, pixels on a side of a window.
+    pub window: u8,
+    /// Bits of a raw pixel.
+    pub bits: u8,
+    /// How a window becomes a centroid.
+    pub estimator: EstimatorConfig,
+    /// Binary exponent of the slope gains' mantissas, 0 to 15.
+    pub gain_exponent: u32,
+    /// The control law beside its gains.
+    pub control: ControlConfig,
+    /// Frames after which an unrenewed global tilt counts as stale.
+    pub tilt_max_age: u32,
+    /// Relaxation factor, 1 to 1.99.
+    pub omega: f64,
+    /// Sweeps of a warm frame, 1 to 1000.
+    pub sweeps: u16,
+    /// Sweeps of the first frame after a reset, 1 to 10000.
+    pub cold_sweeps: u16,
+    /// Fraction bits of the segments' ratios, 10 to 15.
+    pub ratio_bits: u32,
+    /// Greatest motion of any actuator, ulp of its height per frame.
+    pub slew_ulp: i32,
+    /// What all actuators share.
+    pub drive: Drive,
+    /// The gate's and the frame's timing.
+    pub timing: GateTiming,
+    /// The range that is gated at the start.
+    pub range: Range,
+    /// What becomes of a frame with fewer laser pulses.
+    pub short_frame: ShortFrame,
+    /// What a frame must be to be followed.
+    pub quality: QualityLimits,
+    /// When the ladder is climbed.
+    pub ladder: LadderLimits,
+    /// The mirror and the detector it is for.
+    pub serials: Serials,
+    /// Optical path per height LSB, m.
+    pub lsb_m: f64,
+    /// Calibrated ADU per unit of flux and peak.
+    pub adu_per_unit: f64,
+    /// What a threshold does.
+    pub convention: Convention,
+    /// Binary exponent of the stored thresholds, 0 to 8.
+    pub threshold_shift: u32,
+    /// Raw value from which a pixel counts as saturated, ADU.
+    pub saturation: u16,
 }
 
 /// Everything that is there once a subaperture.
-#[derive(Serialize, Deserialize)]
-struct Subaperture {
-    base_threshold: u16,
-    slope: SlopeCalibration,
-    gains: Gains,
-    colour: u8,
-    segment: Segment,
-    responses: [Response; ACTUATORS],
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Subaperture {
+    /// Mean fixed threshold of its window, signal units.
+    pub base_threshold: u16,
+    /// Its slope calibration.
+    pub slope: SlopeCalibration,
+    /// Its control coefficients.
+    pub gains: Gains,
+    /// The sub-cycle that lights it.
+    pub colour: u8,
+    /// Its segment's mechanics.
+    pub segment: Segment,
+    /// Its actuators' responses.
+    pub responses: [Response; ACTUATORS],
 }
 
 /// Bytes on their way out, and their checksum.
@@ -148,52 +179,6 @@ impl Writer<'_> {
     }
 }
 
-/// Bytes on their way in, and their checksum.
-struct Reader<'a> {
-    read: &'a mut dyn FnMut(&mut [u8]) -> bool,
-    digest: crc::Digest<'static, u32>,
-}
-
-impl Reader<'_> {
-    fn fill(&mut self, bytes: &mut [u8]) -> Result<(), ImageError> {
-        if !(self.read)(bytes) {
-            return Err(ImageError::Cut);
-        }
-        self.digest.update(bytes);
-        Ok(())
-    }
-
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], ImageError> {
-        let mut bytes = [0; N];
-        self.fill(&mut bytes)?;
-        Ok(bytes)
-    }
-
-    fn record<T: for<'de> Deserialize<'de>>(&mut self) -> Result<T, ImageError> {
-        let [length] = self.array()?;
-        let mut buffer = [0; RECORD];
-        let bytes = buffer.get_mut(..usize::from(length)).ok_or(ImageError::Malformed)?;
-        self.fill(bytes)?;
-        match postcard::take_from_bytes(bytes) {
-            Ok((value, [])) => Ok(value),
-            _ => Err(ImageError::Malformed),
-        }
-    }
-
-    /// Calls `take` with `count` bytes, piece by piece; pieces are whole words.
-    fn pieces(&mut self, count: usize, mut take: impl FnMut(&[u8])) -> Result<(), ImageError> {
-        let mut left = count;
-        while left > 0 {
-            let mut buffer = [0; PIECE];
-            let piece = buffer.get_mut(..left.min(PIECE)).unwrap_or_default();
-            self.fill(piece)?;
-            left -= piece.len();
-            take(piece);
-        }
-        Ok(())
-    }
-}
-
 impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
     /// Hands the image of this configuration to `write`, piece by piece; nothing before the first
     /// build.
@@ -202,7 +187,26 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         let mut out = Writer { write, digest: CRC.digest() };
         out.bytes(&MAGIC);
         out.bytes(&VERSION.to_le_bytes());
-        out.record(&Head {
+        out.record(&self.head(mask));
+        out.record(&self.calibrated);
+        mask.rows().iter().for_each(|row| out.bytes(&row.to_le_bytes()));
+        self.slots.iter().for_each(|slot| out.record(slot));
+        for i in 0..self.subapertures() {
+            if let Some(entry) = self.subaperture(i) {
+                out.record(&entry);
+            }
+        }
+        self.template.samples.iter().for_each(|samples| out.bytes(samples));
+        self.bank.floors().iter().for_each(|floor| out.bytes(&floor.to_le_bytes()));
+        self.bank.losses().iter().for_each(|loss| out.bytes(&loss.to_le_bytes()));
+        out.bytes(self.bank.thresholds());
+        let checksum = out.digest.clone().finalize();
+        out.bytes(&checksum.to_le_bytes());
+    }
+
+    /// The record of what is there once.
+    pub(crate) fn head(&self, mask: &Mask) -> Head {
+        Head {
             across: mask.across() as u8,
             width: self.width,
             height: self.height,
@@ -229,24 +233,19 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             convention: self.bank.convention,
             threshold_shift: self.bank.threshold_shift,
             saturation: self.bank.saturation,
-        });
-        mask.rows().iter().for_each(|row| out.bytes(&row.to_le_bytes()));
-        self.slots.iter().for_each(|slot| out.record(slot));
-        let gains = self.nodes.iter().filter_map(|node| self.gains.get(node.place));
-        let gains = gains.zip(&self.schedule.colours);
-        let slopes = self.base_thresholds.iter().zip(&self.slopes).zip(gains);
-        let mirror = self.segments.iter().zip(&self.responses);
-        for (((&base_threshold, &slope), (&gains, &colour)), (&segment, &responses)) in
-            slopes.zip(mirror)
-        {
-            out.record(&Subaperture { base_threshold, slope, gains, colour, segment, responses });
         }
-        self.template.samples.iter().for_each(|samples| out.bytes(samples));
-        self.bank.floors().iter().for_each(|floor| out.bytes(&floor.to_le_bytes()));
-        self.bank.losses().iter().for_each(|loss| out.bytes(&loss.to_le_bytes()));
-        out.bytes(self.bank.thresholds());
-        let checksum = out.digest.clone().finalize();
-        out.bytes(&checksum.to_le_bytes());
+    }
+
+    /// The record of subaperture `i`.
+    pub(crate) fn subaperture(&self, i: usize) -> Option<Subaperture> {
+        Some(Subaperture {
+            base_threshold: *self.base_thresholds.get(i)?,
+            slope: *self.slopes.get(i)?,
+            gains: *self.gains.get(self.nodes.get(i)?.place)?,
+            colour: *self.schedule.colours.get(i)?,
+            segment: *self.segments.get(i)?,
+            responses: *self.responses.get(i)?,
+        })
     }
 
     /// Loads an image in place; `read` fills what it is given, or returns `false` if it cannot.
@@ -255,79 +254,32 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
     /// An [`ImageError`]; the configuration then has no subapertures and holds every frame, since an
     /// image is larger than what a board could keep beside its banks.
     pub fn load(&mut self, read: &mut dyn FnMut(&mut [u8]) -> bool) -> Result<(), ImageError> {
-        let loaded = self.load_all(&mut Reader { read, digest: CRC.digest() });
-        if loaded.is_err() {
-            self.forget();
+        let mut loader = Loader::new();
+        let mut buffer = [0; RECORD];
+        loop {
+            let bytes = buffer.get_mut(..loader.wanted()).unwrap_or_default();
+            if !read(bytes) {
+                self.forget();
+                return Err(ImageError::Cut);
+            }
+            if loader.push(self, bytes)?.is_some() {
+                return Ok(());
+            }
         }
-        loaded
     }
 
-    fn load_all(&mut self, from: &mut Reader<'_>) -> Result<(), ImageError> {
-        if from.array()? != MAGIC {
-            return Err(ImageError::NotAnImage);
-        }
-        let found = u16::from_le_bytes(from.array()?);
-        if found != VERSION {
-            return Err(ImageError::Version { found });
-        }
-        let head: Head = from.record()?;
-        let mut rows = [0; crate::geometry::MAX_ACROSS];
-        for row in rows.iter_mut().take(usize::from(head.across)) {
-            *row = u64::from_le_bytes(from.array()?);
-        }
-        let bit = |x: usize, y: usize| rows.get(y).is_some_and(|row| (row >> x) & 1 == 1);
-        let mask = Mask::from_fn(head.across.into(), bit)?;
-        self.forget();
-        self.load_head(&head, &mask)?;
-        self.fill_nodes(&mask);
-        for _ in 0..mask.count() {
-            self.load_slot(from.record()?, mask.count())?;
-        }
-        for i in 0..mask.count() {
-            self.load_subaperture(i, from.record()?)?;
-        }
-        schedule::check_used(self.schedule.colours.iter().copied())?;
-        self.schedule.count_colours();
-        for samples in &mut self.template.samples {
-            from.fill(samples)?;
-        }
-        let pixels = mask.count() * self.window * self.window;
-        let bank = &mut self.bank;
-        let words = |piece: &[u8], push: &mut dyn FnMut(u16)| {
-            piece.as_chunks().0.iter().for_each(|&word| push(u16::from_le_bytes(word)));
-        };
-        from.pieces(2 * pixels, |piece| words(piece, &mut |floor| bank.push_floor(floor)))?;
-        from.pieces(2 * pixels, |piece| words(piece, &mut |loss| bank.push_loss(loss)))?;
-        from.pieces(pixels, |piece| piece.iter().for_each(|&t| bank.push_threshold(t)))?;
-        let top = bank.top;
-        if let Some(i) = bank.floors().iter().position(|&floor| floor > top) {
-            let limit = Limit::Rule("floor: must not be above the highest raw value");
-            return Err(ConfigError::at(Field::Dark, i, f64::from(top), limit).into());
-        }
-        let checksum = from.digest.clone().finalize();
-        if u32::from_le_bytes(from.array()?) != checksum {
-            return Err(ImageError::Checksum);
-        }
-        let origins =
-            heapless::Vec::<[u16; 2], M>::from_iter(self.slots.iter().map(|s| [s.x0, s.y0]));
-        self.concurrent = validate::buffer::<B>(&self.estimator, head.window.into(), &origins)?;
-        self.travel = Travel::new(head.ratio_bits, head.slew_ulp, &self.segments);
-        self.fill_sor(mask.across(), &head.sor());
-        self.mask = Some(mask);
-        Ok(())
-    }
-
-    fn load_head(&mut self, head: &Head, mask: &Mask) -> Result<(), ConfigError> {
+    /// Takes the record of what is there once, for so many subapertures.
+    pub(crate) fn set_head(&mut self, head: &Head, count: usize) -> Result<(), ConfigError> {
         let check = |field, value: f64, limit| ConfigError::check(field, None, value, limit);
         let capacity = libm::floor(libm::sqrt(M as f64));
         check(Field::Across, head.across.into(), (4.0, capacity))?;
-        check(Field::Subapertures, mask.count() as f64, (1.0, M as f64))?;
+        check(Field::Subapertures, count as f64, (1.0, M as f64))?;
         check(Field::DetectorWidth, head.width.into(), (1.0, 4096.0))?;
         check(Field::DetectorHeight, head.height.into(), (1.0, 4096.0))?;
         check(Field::DetectorBits, head.bits.into(), (8.0, 16.0))?;
         let window = f64::from(head.window);
         check(Field::WindowSize, window, (MIN_WINDOW as f64, MAX_WINDOW as f64))?;
-        let pixels = mask.count() as f64 * window * window;
+        let pixels = count as f64 * window * window;
         check(Field::WindowPixels, pixels, (1.0, P as f64))?;
         match head.estimator {
             EstimatorConfig::CentreOfGravity { .. } => {}
@@ -354,13 +306,15 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         check(Field::GateEnd, gate, (0.0, timing.period_ns.into()))?;
         check(Field::PulsesPerFrame, timing.pulses_per_frame.into(), (1.0, 1e6))?;
         let quality = head.quality;
-        check(Field::ValidMin, quality.valid_min.into(), (0.0, mask.count() as f64))?;
+        check(Field::ValidMin, quality.valid_min.into(), (0.0, count as f64))?;
         check(Field::TotalFluxMin, quality.flux_min as f64, (0.0, quality.flux_max as f64))?;
         let hold = f64::from(head.ladder.hold_frames);
         check(Field::HoldFrames, hold, (0.0, head.ladder.safe_frames.into()))?;
         check(Field::Stroke, head.lsb_m, (f64::MIN_POSITIVE, 1.0))?;
         check(Field::PixelGain, head.adu_per_unit, (0.25, 4.0))?;
         check(Field::Noise, head.threshold_shift.into(), (0.0, 8.0))?;
+        let top = ((1u32 << head.bits) - 1) as u16;
+        check(Field::Saturation, head.saturation.into(), (1.0, top.into()))?;
         self.width = head.width;
         self.height = head.height;
         self.window = usize::from(head.window);
@@ -376,19 +330,23 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.quality = quality;
         self.ladder = head.ladder;
         self.serials = head.serials;
+        self.travel.ratio_bits = head.ratio_bits;
+        self.travel.slew_ulp = head.slew_ulp;
+        self.omega = head.omega;
+        self.sor.warm_sweeps = head.sweeps;
+        self.sor.cold_sweeps = head.cold_sweeps;
         self.lsb_m = head.lsb_m;
         self.adu_per_unit = head.adu_per_unit;
         self.bank.convention = head.convention;
         self.bank.threshold_shift = head.threshold_shift;
-        self.bank.top = ((1u32 << head.bits) - 1) as u16;
-        check(Field::Saturation, head.saturation.into(), (1.0, self.bank.top.into()))?;
+        self.bank.top = top;
         self.bank.saturation = head.saturation;
         self.short_sums = self.sums_are_short();
         Ok(())
     }
 
     /// Slots come in readout order, each subaperture once.
-    fn load_slot(&mut self, slot: Slot, count: usize) -> Result<(), ConfigError> {
+    pub(crate) fn load_slot(&mut self, slot: Slot, count: usize) -> Result<(), ConfigError> {
         let index = self.slots.len();
         let refuse = |value: u16, limit| {
             Err(ConfigError::at(Field::WindowOrigin, index, f64::from(value), limit))
@@ -409,9 +367,51 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         Ok(())
     }
 
-    fn load_subaperture(&mut self, i: usize, entry: Subaperture) -> Result<(), ConfigError> {
-        let check = |field, value: f64, limit| ConfigError::check(field, Some(i), value, limit);
+    pub(crate) fn load_subaperture(&mut self, entry: Subaperture) -> Result<(), ConfigError> {
+        let i = self.slopes.len();
+        entry.check(i)?;
         let Subaperture { base_threshold, slope, gains, colour, segment, responses } = entry;
+        let _ = self.base_thresholds.push(base_threshold);
+        let _ = self.slopes.push(slope);
+        self.set_gains(i, gains);
+        let _ = self.schedule.colours.push(colour);
+        let _ = self.segments.push(segment);
+        let _ = self.responses.push(responses);
+        Ok(())
+    }
+
+    /// What follows from several records, and what has to hold between them: the end of a change.
+    pub(crate) fn settle(&mut self, mask: &Mask) -> Result<(), ConfigError> {
+        let top = self.bank.top;
+        if let Some(i) = self.bank.floors().iter().position(|&floor| floor > top) {
+            let limit = Limit::Rule("floor: must not be above the highest raw value");
+            return Err(ConfigError::at(Field::Dark, i, f64::from(top), limit));
+        }
+        let mut origins = heapless::Vec::<[u16; 2], M>::new();
+        for slot in &self.slots {
+            // As many as there are slots.
+            let _ = origins.push([slot.x0, slot.y0]);
+        }
+        self.concurrent = validate::buffer::<B>(&self.estimator, self.window as u16, &origins)?;
+        schedule::check_used(self.schedule.colours.iter().copied())?;
+        self.schedule.count_colours();
+        let Travel { ratio_bits, slew_ulp, .. } = self.travel;
+        self.travel = Travel::new(ratio_bits, slew_ulp, &self.segments);
+        let spec = SorSpec {
+            omega: Some(self.omega),
+            sweeps: Some(self.sor.warm_sweeps),
+            cold_sweeps: Some(self.sor.cold_sweeps),
+        };
+        self.fill_sor(mask.across(), &spec);
+        Ok(())
+    }
+}
+
+impl Subaperture {
+    /// Refuses what breaks the bounds of the frame path, for subaperture `i`.
+    pub(crate) fn check(&self, i: usize) -> Result<(), ConfigError> {
+        let check = |field, value: f64, limit| ConfigError::check(field, Some(i), value, limit);
+        let Self { slope, gains, segment, responses, .. } = self;
         for reference in slope.reference_q16 {
             let limit = f64::from(1u32 << 21);
             check(Field::ReferenceSlope, reference.into(), (-limit, limit))?;
@@ -421,22 +421,14 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         check(Field::ControlGain, gains.keep.into(), (-8191.0, 8191.0))?;
         check(Field::LeverArm, gains.take.into(), (1.0, f64::from(i16::MAX)))?;
         segment.check(i)?;
-        let _ = self.base_thresholds.push(base_threshold);
-        let _ = self.slopes.push(slope);
-        self.set_gains(i, gains);
-        let _ = self.schedule.colours.push(colour);
-        let _ = self.segments.push(segment);
-        let _ = self.responses.push(responses);
-        Ok(())
-    }
-}
-
-impl Head {
-    fn sor(&self) -> SorSpec {
-        SorSpec {
-            omega: Some(self.omega),
-            sweeps: Some(self.sweeps),
-            cold_sweeps: Some(self.cold_sweeps),
+        for (a, response) in responses.iter().enumerate() {
+            let ends = [&segment.lowest, &segment.highest].map(|ends| ends.get(a));
+            for height in ends.into_iter().flatten() {
+                // The code's scale is 31 bits; half an LSB of a code below it is rounding.
+                let limit = (-32_768.0, f64::from(i32::MAX));
+                check(Field::Response, response.value(*height) as f64, limit)?;
+            }
         }
+        Ok(())
     }
 }

@@ -33,28 +33,46 @@
 //! | [`interlock`], [`watchdog`] | when laser and high voltage may be on, when a cycle went well |
 //! | [`controller`] | all of them, as a board drives it |
 //!
+//! and what a PC has to do with it:
+//!
+//! | module | what |
+//! |---|---|
+//! | [`link`] | messages, and how they come over a stream of bytes |
+//! | [`image`], [`adjust`] | a configuration as bytes; one change of it |
+//! | [`banks`] | the configuration that runs, and the one that is being made |
+//! | [`store`] | the running configuration in flash |
+//! | [`calibration`] | what a configuration was calibrated on, and what is missing |
+//! | [`telemetry`], [`strehl`] | what frames leave; what it says of the wavefront |
+//! | [`identity`] | which build this is |
+//!
 //! [`pipeline::Pipeline`] composes the stages; [`spec::Spec`] describes an instrument in physical units
 //! and [`config::Config::build`] turns it, once, into integers that cannot be wrong.
 
 #![cfg_attr(not(test), no_std)]
 
 pub mod actuators;
+pub mod adjust;
+pub mod banks;
+pub mod calibration;
 pub mod centroid;
 pub mod config;
 pub mod control;
 pub mod controller;
 mod dsp;
 pub mod error;
+mod excerpt;
 pub mod fault;
 pub mod fixed;
 pub mod frame_counter;
 pub mod gate;
 pub mod geometry;
+pub mod identity;
 pub mod image;
 pub mod interlock;
 pub mod ladder;
 pub mod last_words;
 pub mod link;
+mod loader;
 pub mod mirror;
 pub mod mode;
 mod omega;
@@ -71,5 +89,8 @@ pub mod segments;
 pub mod slopes;
 pub mod sor;
 pub mod spec;
+pub mod store;
+pub mod strehl;
+pub mod telemetry;
 mod validate;
 pub mod watchdog;

@@ -6,16 +6,19 @@
 //!
 //! little-endian. A message takes at most [`MESSAGE`] bytes before the stuffing; lists go in pieces
 //! of at most [`LIST`]. A receiver that has lost its place is back in step at the next 0x00. The PC
-//! numbers its requests; an answer carries the number of its request.
+//! numbers its requests, from 1 on; an answer carries the number of its request, and what comes
+//! unasked the number 0.
 
 mod frame;
 mod message;
 
 pub use frame::{LinkError, Message, Receiver, WIRE, encode};
-pub use message::{Identity, LIST, List, PIECE, Reason, Request, Response, Stack};
+pub use message::{
+    Counters, HISTORY, Identity, LIST, List, PIECE, Reason, Request, Response, Stack, Status,
+};
 
 /// Version of the framing and of the messages.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 
 /// Longest message, bytes, as postcard writes it.
 pub const MESSAGE: usize = 512;

@@ -25,7 +25,7 @@
 
 use crate::fault::{Fault, Moment};
 use core::fmt;
-use heapless::HistoryBuf;
+use heapless::Deque;
 use serde::{Deserialize, Serialize};
 
 /// Transitions that are kept.
@@ -198,7 +198,7 @@ pub struct Transition {
 #[derive(Debug)]
 pub struct Modes {
     mode: Mode,
-    last: HistoryBuf<Transition, TRANSITIONS>,
+    last: Deque<Transition, TRANSITIONS>,
     refused: u32,
 }
 
@@ -212,7 +212,7 @@ impl Modes {
     /// Safe.
     #[must_use]
     pub const fn new() -> Self {
-        Self { mode: Mode::Safe, last: HistoryBuf::new(), refused: 0 }
+        Self { mode: Mode::Safe, last: Deque::new(), refused: 0 }
     }
 
     /// The mode.
@@ -223,7 +223,7 @@ impl Modes {
 
     /// The last transitions, oldest first.
     pub fn last(&self) -> impl Iterator<Item = &Transition> {
-        self.last.oldest_ordered()
+        self.last.iter()
     }
 
     /// Requests that were refused, of transitions and others; saturates.
@@ -265,7 +265,11 @@ impl Modes {
     }
 
     fn go(&mut self, to: Mode, reason: Reason, at: Moment) {
-        self.last.write(Transition { from: self.mode, to, reason, at });
+        if self.last.is_full() {
+            self.last.pop_front();
+        }
+        // There is room now.
+        let _ = self.last.push_back(Transition { from: self.mode, to, reason, at });
         self.mode = to;
     }
 }

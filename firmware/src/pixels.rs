@@ -151,6 +151,23 @@ impl<const P: usize> Bank<P> {
         &self.threshold
     }
 
+    pub(crate) fn floors_mut(&mut self) -> &mut [u16] {
+        &mut self.floor
+    }
+
+    /// [`Bank::find_flat_field`] is due behind a change.
+    pub(crate) fn losses_mut(&mut self) -> &mut [u16] {
+        &mut self.loss
+    }
+
+    pub(crate) fn thresholds_mut(&mut self) -> &mut [u8] {
+        &mut self.threshold
+    }
+
+    pub(crate) fn find_flat_field(&mut self) {
+        self.flat_field = self.loss.iter().any(|&loss| loss != 0);
+    }
+
     /// The `window` pixels from place `start`: of window k and its row y, k W^2 + y W.
     #[inline(always)]
     pub(crate) fn row(&self, start: usize, window: usize) -> Option<BankRow<'_>> {

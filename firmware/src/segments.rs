@@ -52,15 +52,15 @@ pub(crate) const FARTHEST: i32 = 1 << 27;
 
 /// One segment's mechanics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Segment {
-    /// Height per tip and per tilt over height per piston, in [`Travel::ratio_bits`].
-    pub(crate) ratios: [[i16; 2]; ACTUATORS],
+pub struct Segment {
+    /// Height per tip and per tilt over height per piston, in 10 to 15 fraction bits: those of the configuration.
+    pub ratios: [[i16; 2]; ACTUATORS],
     /// Height per piston, Q13, 1/4 to 4, rounded up.
-    pub(crate) influence: [u16; ACTUATORS],
+    pub influence: [u16; ACTUATORS],
     /// Lowest height of each actuator, ulp of piston relative to flat: 0 or less.
-    pub(crate) lowest: [i32; ACTUATORS],
+    pub lowest: [i32; ACTUATORS],
     /// Highest height of each actuator, ulp of piston relative to flat: 0 or more.
-    pub(crate) highest: [i32; ACTUATORS],
+    pub highest: [i32; ACTUATORS],
 }
 
 /// What the motion of all segments has in common.

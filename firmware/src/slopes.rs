@@ -28,15 +28,15 @@ pub enum MeanSlope {
 
 /// The slope calibration of one subaperture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct SlopeCalibration {
+pub struct SlopeCalibration {
     /// Reference slope, Q16 pixels.
-    pub(crate) reference_q16: [i32; 2],
+    pub reference_q16: [i32; 2],
     /// Rows tip and tilt, columns x and y: ulp per pixel = mantissa 2^exponent.
-    pub(crate) gain: [[i16; 2]; 2],
+    pub gain: [[i16; 2]; 2],
     /// Least flux of a valid measurement, calibrated units; at least 1.
-    pub(crate) flux_min: u32,
+    pub flux_min: u32,
     /// Greatest flux of a valid measurement, calibrated units.
-    pub(crate) flux_max: u32,
+    pub flux_max: u32,
 }
 
 /// The slope of one subaperture.

@@ -2,16 +2,29 @@
 
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
+use splash_firmware::adjust::{AdjustError, Adjustment, Parameter};
+use splash_firmware::banks::{BankError, DraftState};
+use splash_firmware::calibration::{Calibration, Step, Uncalibrated};
 use splash_firmware::centroid::Measurement;
+use splash_firmware::controller::{Command, FrameResult};
 use splash_firmware::error::{ConfigError, Field, Limit};
+use splash_firmware::fault::{Fault, KINDS, Moment, Record};
+use splash_firmware::gate::{GateStamp, Range};
 use splash_firmware::image::ImageError;
+use splash_firmware::interlock::Outputs;
+use splash_firmware::ladder::Rung;
 use splash_firmware::link::{
-    Identity, LinkError, List, MESSAGE, Message, Reason, Receiver, Request, Response, Stack,
-    VERSION, WIRE, encode,
+    Counters, Identity, LinkError, List, MESSAGE, Message, Reason, Receiver, Request, Response,
+    Stack, Status, VERSION, WIRE, encode,
 };
+use splash_firmware::mirror::Serials;
+use splash_firmware::mode::{self, Mode, Refusal, Transition};
 use splash_firmware::pipeline::{GlobalTilt, Hold, Outcome, Report, RowError, Totals};
 use splash_firmware::segments::Position;
 use splash_firmware::slopes::Slope;
+use splash_firmware::store::{StoreError, Stored};
+use splash_firmware::telemetry::{self, Cycles, Decimation, FrameRecord};
+use splash_tests::instrument::Instrument;
 
 fn wire<T: serde::Serialize>(sequence: u16, body: &T) -> Vec<u8> {
     let mut buffer = [0; WIRE];
@@ -36,7 +49,8 @@ fn requests() -> Vec<Request> {
         peak: u16::MAX,
         saturated: u16::MAX,
     };
-    vec![
+    let all = u32::MAX;
+    let mut requests = vec![
         Request::Identify,
         Request::Load { bytes: u32::MAX },
         Request::Piece { offset: u32::MAX, bytes: std::iter::repeat_n(0, 256).collect() },
@@ -47,7 +61,93 @@ fn requests() -> Vec<Request> {
         Request::MeasuredFrame { number: u32::MAX, count: u32::MAX },
         Request::GlobalTilt(GlobalTilt { tilt_ulp: [i32::MIN, i32::MAX], frame: u32::MAX }),
         Request::Stack,
-    ]
+        Request::Status,
+        Request::Upload { bytes: all },
+        Request::Chunk { offset: all, bytes: std::iter::repeat_n(0, 256).collect() },
+        Request::Copy,
+        Request::Check,
+        Request::Switch,
+        Request::Discard,
+        Request::ReadBack { offset: all, bytes: all },
+        Request::Store,
+        Request::Stored,
+        Request::Restore,
+        Request::Calibration,
+        Request::Subscribe(None),
+        Request::Subscribe(Some(DECIMATION)),
+        Request::Streams,
+        Request::Counters,
+        Request::Faults,
+        Request::Transitions,
+        Request::Command(Command::Enter(Mode::TestPattern)),
+        Request::Command(Command::Arm),
+        Request::Command(Command::Disarm),
+        Request::Command(Command::Position { subaperture: u16::MAX, position: POSITION }),
+        Request::Command(Command::Heights { subaperture: u16::MAX, heights_ulp: [i32::MIN; 3] }),
+        Request::Command(Command::Flat),
+        Request::Command(Command::Gate(GATE.range)),
+        Request::Command(Command::ClearFaults),
+    ];
+    requests.extend(adjustments().into_iter().map(Request::Adjust));
+    requests.extend(PARAMETERS.map(Request::Get));
+    requests
+}
+
+const POSITION: Position = Position { piston_ulp: i32::MIN, tilt_ulp: [i32::MIN; 2] };
+const DECIMATION: Decimation = Decimation {
+    frames: u32::MAX,
+    slopes: u32::MAX,
+    commands: u32::MAX,
+    codes: u32::MAX,
+    fluxes: u32::MAX,
+};
+const GATE: GateStamp = GateStamp {
+    range: Range { altitude_mm: u32::MAX, depth_mm: u32::MAX, zenith_mdeg: u32::MAX },
+    delay: u32::MAX,
+    width: u32::MAX,
+    asked: u32::MAX,
+    seen: u32::MAX,
+};
+const FAULT: Fault = Fault::TotalFlux { flux: u64::MAX, limit: u64::MAX };
+const NOW: Moment = Moment { frame: u32::MAX, ticks: u64::MAX };
+const CALIBRATION: Calibration =
+    Calibration { fingerprint: u32::MAX, steps: u8::MAX, quality_q16: u16::MAX };
+const PARAMETERS: [Parameter; 7] = [
+    Parameter::Head,
+    Parameter::Subaperture { index: u16::MAX },
+    Parameter::Template { phase: u8::MAX },
+    Parameter::Floors { first: u32::MAX },
+    Parameter::Losses { first: u32::MAX },
+    Parameter::Thresholds { first: u32::MAX },
+    Parameter::Calibration,
+];
+
+/// Those of a configuration, and lists as long as they get.
+fn adjustments() -> Vec<Adjustment> {
+    let config = Instrument::circle(8, 8).config::<64, 4096, 0>();
+    let value = |parameter| config.value(parameter).expect("it has it");
+    let mut adjustments = vec![
+        value(Parameter::Head),
+        value(Parameter::Subaperture { index: 51 }),
+        Adjustment::Template { phase: 7, samples: [255; 66].into_iter().collect() },
+        Adjustment::Floors { first: u32::MAX, values: [u16::MAX; 64].into_iter().collect() },
+        Adjustment::Losses { first: u32::MAX, values: [u16::MAX; 64].into_iter().collect() },
+        Adjustment::Thresholds { first: u32::MAX, values: [255; 64].into_iter().collect() },
+        Adjustment::Calibration(None),
+        Adjustment::Calibration(Some(CALIBRATION)),
+    ];
+    if let Some(Adjustment::Subaperture { index, entry }) = adjustments.get_mut(1) {
+        *index = u16::MAX;
+        entry.segment.lowest = [i32::MIN; 3];
+        entry.segment.highest = [i32::MIN; 3];
+        entry.segment.ratios = [[i16::MIN; 2]; 3];
+        entry.slope.reference_q16 = [i32::MIN; 2];
+        entry.slope.gain = [[i16::MIN; 2]; 2];
+        for response in &mut entry.responses {
+            (response.offset, response.slope) = (i32::MIN, i32::MIN);
+        }
+    }
+    adjustments
 }
 
 fn reasons() -> Vec<Reason> {
@@ -63,6 +163,25 @@ fn reasons() -> Vec<Reason> {
         Reason::Row(RowError::Length { found: u32::MAX, expected: u16::MAX }),
         Reason::Row(RowError::Extra),
         Reason::Row(RowError::NotBegun),
+        BankError::Empty.into(),
+        BankError::Receiving { due: 1, length: u32::MAX }.into(),
+        BankError::NotReceiving.into(),
+        BankError::Offset { found: 2, due: u32::MAX }.into(),
+        BankError::Length { found: u32::MAX, length: 3 }.into(),
+        BankError::NotChecked.into(),
+        BankError::Ordered.into(),
+        AdjustError::NotConfigured.into(),
+        AdjustError::Geometry.into(),
+        AdjustError::Place { found: 4, entries: u32::MAX }.into(),
+        StoreError::Flash(()).into(),
+        StoreError::<()>::Long { found: 5, slot: u32::MAX }.into(),
+        StoreError::<()>::Nothing.into(),
+        Uncalibrated::NotConfigured.into(),
+        Uncalibrated::Never.into(),
+        Uncalibrated::Missing(Step::Pokes).into(),
+        Uncalibrated::Changed { calibrated: 6, configured: u32::MAX }.into(),
+        Refusal::NotFlat.into(),
+        Reason::Unsupported,
     ]
 }
 
@@ -115,6 +234,56 @@ fn responses() -> Vec<Response> {
         }),
         Response::Report(report(Outcome::Updated)),
     ];
+    let draft = DraftState::Receiving { due: all, length: all };
+    responses.extend([
+        Response::Status(Status {
+            build: all,
+            configuration: all,
+            serials: Serials { mirror: all, detector: all },
+            draft,
+            draft_refused: Some(Refusal::NoSubaperture {
+                subaperture: u16::MAX,
+                subapertures: u16::MAX,
+            }),
+            mode: Mode::TestPattern,
+            outputs: Outputs { high_voltage: true, laser: true },
+            at: NOW,
+            ticks_per_second: all,
+            gate: GATE,
+            tilt_rms_nm: f32::MAX,
+        }),
+        Response::Draft(draft),
+        Response::Image { offset: all, bytes: std::iter::repeat_n(0, 256).collect() },
+        Response::Stored(None),
+        Response::Stored(Some(Stored { sequence: all, hash: all, length: all })),
+        Response::Calibration(CALIBRATION),
+        Response::Streams { decimation: DECIMATION, dropped: [all; 5] },
+        Response::Counters(Counters {
+            faults: [all; KINDS],
+            refused_transitions: all,
+            unreadable_messages: all,
+            ..Counters::default()
+        }),
+        Response::Faults {
+            first,
+            items: std::iter::repeat_n(Record { fault: FAULT, at: NOW }, 8).collect(),
+        },
+        Response::Transitions {
+            first,
+            items: std::iter::repeat_n(
+                Transition {
+                    from: Mode::Safe,
+                    to: Mode::TestPattern,
+                    reason: mode::Reason::Fault(FAULT),
+                    at: NOW,
+                },
+                8,
+            )
+            .collect(),
+        },
+    ]);
+    responses.extend(adjustments().into_iter().map(Response::Value));
+    responses.extend(records(report(Outcome::Updated)).map(Response::Telemetry));
     let holds = [
         Hold::NotBegun,
         Hold::CutShort { rows: 9 },
@@ -125,6 +294,40 @@ fn responses() -> Vec<Response> {
     responses.extend(holds.map(|hold| Response::Report(report(Outcome::Held(hold)))));
     responses.extend(reasons().into_iter().map(Response::Refused));
     responses
+}
+
+/// Telemetry with the values that take the most bytes.
+fn records(report: Report) -> [telemetry::Record; 5] {
+    let (frame, first) = (u32::MAX, u16::MAX);
+    let widest = Measurement {
+        centroid_q16: [i32::MIN; 2],
+        flux: u32::MAX,
+        peak: u16::MAX,
+        saturated: u16::MAX,
+    };
+    [
+        telemetry::Record::Frame(FrameRecord {
+            result: FrameResult {
+                report,
+                mode: Mode::TestPattern,
+                rung: Some(Rung::GiveUp(FAULT)),
+                fault: Some(FAULT),
+                gate: GATE,
+                at: NOW,
+            },
+            configuration: u32::MAX,
+            tilt_squared_ulp2: u64::MAX,
+            cycles: Cycles { rows: u32::MAX, stages: [u32::MAX; 5], latency: u32::MAX },
+        }),
+        telemetry::Record::Slopes {
+            frame,
+            first,
+            items: list(Slope { tilt_ulp: [i32::MIN; 2], valid: true }),
+        },
+        telemetry::Record::Commands { frame, first, items: list(POSITION) },
+        telemetry::Record::Codes { frame, first, items: list([u16::MAX; 3]) },
+        telemetry::Record::Fluxes { frame, first, items: list(widest) },
+    ]
 }
 
 #[test]
@@ -158,6 +361,9 @@ fn a_frame_is_what_the_format_says() {
 #[test]
 fn no_message_is_too_long() {
     for bytes in requests().iter().map(|body| wire(1, body)) {
+        assert!(bytes.len() <= WIRE);
+    }
+    for bytes in responses().iter().map(|body| wire(1, body)) {
         assert!(bytes.len() <= WIRE);
     }
     let longest = [0xffu8; MESSAGE - 2].as_slice();

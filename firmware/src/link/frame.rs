@@ -72,11 +72,11 @@ pub fn encode<'w, T: Serialize>(
     [*low, *high] = message.sequence.to_le_bytes();
     let body = rest.get_mut(..MESSAGE).ok_or(LinkError::Long)?;
     let end = HEADER + postcard::to_slice(&message.body, body).map_err(|_| LinkError::Long)?.len();
-    let (used, rest) = frame.split_at_mut(end);
+    let (used, rest) = frame.split_at_mut_checked(end).ok_or(LinkError::Long)?;
     let checksum = CRC.checksum(used);
     rest.iter_mut().zip(checksum.to_le_bytes()).for_each(|(to, byte)| *to = byte);
     let frame = frame.get(..end + CHECKSUM).ok_or(LinkError::Long)?;
-    let used = cobs::encode(frame, wire);
+    let used = cobs::try_encode(frame, wire).map_err(|_| LinkError::Long)?;
     if let Some(last) = wire.get_mut(used) {
         *last = 0;
     }
@@ -89,6 +89,7 @@ pub struct Receiver {
     state: DecoderState,
     frame: [u8; FRAME],
     used: usize,
+    refused: u32,
 }
 
 impl Default for Receiver {
@@ -101,11 +102,25 @@ impl Receiver {
     /// One that waits for the first byte of a frame.
     #[must_use]
     pub const fn new() -> Self {
-        Self { state: DecoderState::Idle, frame: [0; FRAME], used: 0 }
+        Self { state: DecoderState::Idle, frame: [0; FRAME], used: 0, refused: 0 }
+    }
+
+    /// Frames that were no message; saturates.
+    #[must_use]
+    pub const fn refused(&self) -> u32 {
+        self.refused
     }
 
     /// Takes the next byte: `None` before the end of a frame.
     pub fn push<T: DeserializeOwned>(&mut self, byte: u8) -> Option<Result<Message<T>, LinkError>> {
+        let found = self.found(byte);
+        if let Some(Err(_)) = found {
+            self.refused = self.refused.saturating_add(1);
+        }
+        found
+    }
+
+    fn found<T: DeserializeOwned>(&mut self, byte: u8) -> Option<Result<Message<T>, LinkError>> {
         match self.state.feed(byte) {
             Ok(DecodeResult::NoData) => None,
             Ok(DecodeResult::DataContinue(byte)) => {

@@ -158,7 +158,7 @@ impl Remote {
             }
             Frame::Measurements(measurements) => {
                 let count = measurements.len() as u32;
-                self.sequence = self.sequence.wrapping_add(1);
+                self.sequence = self.sequence.wrapping_add(1).max(1);
                 for (i, items) in measurements.chunks(LIST).enumerate() {
                     let first = (i * LIST) as u16;
                     let items = items.iter().copied().collect();
@@ -183,7 +183,7 @@ impl Remote {
 
     /// Sends a request with a number of its own.
     fn request(&mut self, body: Request, deadline: Instant) -> Result<(), Failure> {
-        self.sequence = self.sequence.wrapping_add(1);
+        self.sequence = self.sequence.wrapping_add(1).max(1);
         self.send(body, deadline)
     }
 

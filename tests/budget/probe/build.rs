@@ -11,4 +11,9 @@ fn main() {
     for entry in ["large", "recurse"] {
         println!("cargo:rustc-link-arg-bin=guilty=--undefined=probe_{entry}");
     }
+    let outside =
+        ["decode", "encode", "upload", "adjust", "exchange", "read", "command", "telemetry"];
+    for entry in outside {
+        println!("cargo:rustc-link-arg-bin=link=--undefined=probe_{entry}");
+    }
 }

@@ -10,10 +10,11 @@
 //! | `damage AT` | damages the AT-th message |
 //! | `deaf` | opens its pipes, and reads none |
 
+use splash_firmware::banks::Banks;
 use splash_firmware::config::Config;
 use splash_firmware::link::Stack;
-use splash_firmware::pipeline::Pipeline;
-use splash_server::{Port, serve};
+use splash_firmware::telemetry::Ring;
+use splash_server::{NoFlash, Port, controller, serve};
 use splash_tests::with_big_stack;
 use std::fs::{File, OpenOptions};
 use std::io::{BufReader, Error, ErrorKind, Read, Write};
@@ -33,6 +34,7 @@ struct Pipes {
 
 impl Port for Pipes {
     type Error = Error;
+    type Flash = NoFlash;
 
     fn receive(&mut self, bytes: &mut [u8]) -> Result<(), Error> {
         self.requests.read_exact(bytes)
@@ -103,9 +105,11 @@ fn main() -> std::process::ExitCode {
     let (row, width, left, sent) = (Vec::new(), 0, 0, 0);
     let mut pipes = Pipes { requests, answers, detector, row, width, left, manner, at, sent };
     let ended = with_big_stack(move || {
-        let mut config = Box::new(Config::<256, 16_384, 2048>::new());
-        let mut pipeline = Box::new(Pipeline::new());
-        serve(&mut pipes, "pipe-board", &mut config, &mut pipeline)
+        let [mut running, mut other] =
+            [(); 2].map(|()| Box::new(Config::<256, 16_384, 2048>::new()));
+        let (mut control, mut telemetry) = (Box::new(controller()), Box::new(Ring::<66>::new()));
+        let banks = Banks::new(&mut running, &mut other);
+        serve(&mut pipes, "pipe-board", banks, &mut control, &mut telemetry)
     });
     u8::from(ended.kind() != ErrorKind::UnexpectedEof).into()
 }

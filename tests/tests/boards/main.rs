@@ -1,7 +1,9 @@
 //! Boards elsewhere: the loop that serves them, processes that fail in every way, and the emulated
 //! boards themselves, which give the codes of the library in this process.
 
+mod commands;
 mod emulated;
+mod parameters;
 mod processes;
 mod server;
 

@@ -1,6 +1,8 @@
 //! The server in memory: requests from a list, answers into one.
 
 use super::{frames, usual};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+use splash_firmware::banks::Banks;
 use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;
 use splash_firmware::error::Field;
@@ -8,7 +10,8 @@ use splash_firmware::link::{
     LIST, Message, PIECE, Reason, Receiver, Request, Response, Stack, WIRE, encode,
 };
 use splash_firmware::pipeline::{GlobalTilt, Hold, Outcome, Pipeline, Report, RowError};
-use splash_server::{Port, serve};
+use splash_firmware::telemetry::Ring;
+use splash_server::{Port, controller, serve};
 use splash_tests::instrument::Instrument;
 use std::cell::Cell;
 
@@ -31,6 +34,49 @@ struct Memory {
     end: usize,
     answers: Vec<u8>,
     actuated: Vec<Vec<[u16; 3]>>,
+    flash: Ram,
+}
+
+/// A flash that never fails.
+struct Ram(Vec<u8>);
+
+impl Default for Ram {
+    fn default() -> Self {
+        Self(vec![0; 4 * Self::ERASE_SIZE])
+    }
+}
+
+impl ErrorType for Ram {
+    type Error = NorFlashErrorKind;
+}
+
+impl ReadNorFlash for Ram {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        bytes.copy_from_slice(&self.0[offset as usize..][..bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        self.0.len()
+    }
+}
+
+impl NorFlash for Ram {
+    const WRITE_SIZE: usize = 32;
+    const ERASE_SIZE: usize = 1 << 14;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        self.0[from as usize..to as usize].fill(0xff);
+        Ok(())
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+        let places = &mut self.0[offset as usize..][..bytes.len()];
+        places.iter_mut().zip(bytes).for_each(|(place, byte)| *place &= byte);
+        Ok(())
+    }
 }
 
 /// All requests were served.
@@ -38,6 +84,7 @@ struct End;
 
 impl Port for Memory {
     type Error = End;
+    type Flash = Ram;
 
     fn receive(&mut self, bytes: &mut [u8]) -> Result<(), End> {
         let end = self.received + bytes.len();
@@ -74,6 +121,10 @@ impl Port for Memory {
         Stack { used: 1000, reserved: 4000 }
     }
 
+    fn flash(&mut self) -> Option<&mut Ram> {
+        Some(&mut self.flash)
+    }
+
     fn mark() {
         MARKS.set(MARKS.get() + 1);
     }
@@ -81,13 +132,13 @@ impl Port for Memory {
 
 /// A run of the server that is being written down.
 #[derive(Default)]
-struct Script {
+pub(crate) struct Script {
     memory: Memory,
     sequence: u16,
 }
 
 impl Script {
-    fn ask(&mut self, body: Request) -> &mut Self {
+    pub(crate) fn ask(&mut self, body: Request) -> &mut Self {
         self.sequence += 1;
         let mut wire = [0; WIRE];
         let bytes = encode(&Message { sequence: self.sequence, body }, &mut wire);
@@ -95,7 +146,7 @@ impl Script {
         self
     }
 
-    fn load(&mut self, image: &[u8]) -> &mut Self {
+    pub(crate) fn load(&mut self, image: &[u8]) -> &mut Self {
         self.ask(Request::Load { bytes: image.len() as u32 });
         for (i, piece) in image.chunks(PIECE).enumerate() {
             let offset = (i * PIECE) as u32;
@@ -104,12 +155,17 @@ impl Script {
         self
     }
 
-    fn frame(&mut self, number: u32, pixels: &[u16]) -> &mut Self {
+    pub(crate) fn frame(&mut self, number: u32, pixels: &[u16]) -> &mut Self {
         self.memory.pixels.extend(pixels);
         self.ask(Request::Frame { number, pixels: pixels.len() as u32 })
     }
 
-    fn measured(&mut self, number: u32, measurements: &[Measurement], count: u32) -> &mut Self {
+    pub(crate) fn measured(
+        &mut self,
+        number: u32,
+        measurements: &[Measurement],
+        count: u32,
+    ) -> &mut Self {
         for (i, items) in measurements.chunks(LIST).enumerate() {
             let items = items.iter().copied().collect();
             self.ask(Request::Measurements { first: (i * LIST) as u16, items });
@@ -118,11 +174,13 @@ impl Script {
     }
 
     /// Runs it: the answers, what was given to the DACs, and the marks.
-    fn run(&mut self) -> (Vec<Response>, Vec<Vec<[u16; 3]>>, usize) {
+    pub(crate) fn run(&mut self) -> (Vec<Response>, Vec<Vec<[u16; 3]>>, usize) {
         MARKS.set(0);
         let mut memory = std::mem::take(&mut self.memory);
-        let (mut config, mut pipeline) = (Box::new(Bank::new()), Box::new(State::new()));
-        let End = serve(&mut memory, "memory", &mut config, &mut pipeline);
+        let (mut running, mut other) = (Box::new(Bank::new()), Box::new(Bank::new()));
+        let (mut control, mut telemetry) = (Box::new(controller()), Box::new(Ring::<40>::new()));
+        let banks = Banks::new(&mut running, &mut other);
+        let End = serve(&mut memory, "memory", banks, &mut control, &mut telemetry);
         assert_eq!(memory.read, memory.pixels.len(), "every pixel was read");
         let mut receiver = Receiver::new();
         let found = memory.answers.iter().filter_map(|&byte| receiver.push(byte));
@@ -131,7 +189,7 @@ impl Script {
     }
 }
 
-fn image(instrument: &Instrument) -> Vec<u8> {
+pub(crate) fn image(instrument: &Instrument) -> Vec<u8> {
     let mut image = Vec::new();
     instrument.config::<256, 16_384, 0>().save(&mut |piece| image.extend_from_slice(piece));
     image

@@ -7,7 +7,7 @@ use crate::start::stack_used;
 use core::cell::UnsafeCell;
 use core::sync::atomic::{Ordering, compiler_fence};
 use splash_firmware::link::Stack;
-use splash_server::Port;
+use splash_server::{NoFlash, Port};
 
 /// Words of the ring of rows: two rows of the widest detector.
 const RING_WORDS: usize = 4096;
@@ -61,6 +61,7 @@ impl Default for Ports {
 
 impl Port for Ports {
     type Error = Closed;
+    type Flash = NoFlash;
 
     fn receive(&mut self, bytes: &mut [u8]) -> Result<(), Closed> {
         for byte in bytes {

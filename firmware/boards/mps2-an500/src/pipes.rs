@@ -5,7 +5,7 @@ use crate::{STACK_BYTES, mark};
 use semihosting::fs::File;
 use semihosting::io::{ErrorKind, Read, Result, Write};
 use splash_firmware::link::Stack;
-use splash_server::Port;
+use splash_server::{NoFlash, Port};
 
 /// Pixels of the longest row that a configuration may have.
 const ROW: usize = 4096;
@@ -52,6 +52,7 @@ impl Pipes {
 
 impl Port for Pipes {
     type Error = semihosting::io::Error;
+    type Flash = NoFlash;
 
     fn receive(&mut self, bytes: &mut [u8]) -> Result<()> {
         for byte in bytes {

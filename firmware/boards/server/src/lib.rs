@@ -10,13 +10,17 @@
 #![no_std]
 
 mod image;
+mod no_flash;
 mod outbox;
+pub mod parameters;
 mod server;
 
 pub use image::{Left, Pieces};
+pub use no_flash::NoFlash;
 pub use outbox::Outbox;
-pub use server::{identity, receive, serve};
+pub use server::{controller, identity, receive, serve};
 
+use embedded_storage::nor_flash::NorFlash;
 use splash_firmware::link::Stack;
 
 /// A stream of bytes to and from a PC.
@@ -54,6 +58,9 @@ pub trait Port {
     /// Why a transfer failed: the other end is gone.
     type Error;
 
+    /// Where configurations are stored: [`NoFlash`] if nowhere.
+    type Flash: NorFlash;
+
     /// Fills `bytes` from the link; blocks.
     ///
     /// # Errors
@@ -88,6 +95,11 @@ pub trait Port {
 
     /// How deep the stack went since the start.
     fn stack(&self) -> Stack;
+
+    /// Where configurations are stored.
+    fn flash(&mut self) -> Option<&mut Self::Flash> {
+        None
+    }
 
     /// Marks this moment for the counter outside: instructions or cycles. Without a receiver, since
     /// rows are borrowed from the port while the time of `push_rows` is taken.

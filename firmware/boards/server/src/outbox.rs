@@ -1,7 +1,7 @@
 //! Answers, piece by piece.
 
 use crate::Link;
-use splash_firmware::link::{self, List, Message, Response};
+use splash_firmware::link::{self, HISTORY, List, Message, Response};
 
 /// Sends the answers to one request.
 pub struct Outbox<'a, T> {
@@ -39,5 +39,26 @@ impl<T: Link> Outbox<'_, T> {
             self.send(piece(first, items.iter().copied().collect()))?;
         }
         Ok(())
+    }
+
+    /// Sends a history in pieces.
+    ///
+    /// # Errors
+    /// If the link has ended.
+    pub fn history<E>(
+        &mut self,
+        mut items: impl Iterator<Item = E>,
+        piece: fn(u16, heapless::Vec<E, HISTORY>) -> Response,
+    ) -> Result<(), T::Error> {
+        let mut first = 0;
+        loop {
+            let next: heapless::Vec<E, HISTORY> = items.by_ref().take(HISTORY).collect();
+            if next.is_empty() {
+                return Ok(());
+            }
+            let count = next.len() as u16;
+            self.send(piece(first, next))?;
+            first += count;
+        }
     }
 }

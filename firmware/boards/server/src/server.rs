@@ -2,27 +2,63 @@
 
 use crate::image::Pieces;
 use crate::outbox::Outbox;
-use crate::{Link, Port};
+use crate::{Link, Port, parameters};
+use splash_firmware::banks::{BankError, Banks};
 use splash_firmware::centroid::Measurement;
-use splash_firmware::config::Config;
-use splash_firmware::link::{Identity, Message, Reason, Receiver, Request, Response};
-use splash_firmware::pipeline::{Pipeline, Probe, RowError, Stage};
+use splash_firmware::controller::{Command, Controller, FrameResult, Start};
+use splash_firmware::fault::Moment;
+use splash_firmware::gate::GateStamp;
+use splash_firmware::identity;
+use splash_firmware::image::ImageError;
+use splash_firmware::interlock::{Inputs, Times};
+use splash_firmware::link::{
+    Counters, Identity, Message, PIECE, Reason, Receiver, Request, Response, Status,
+};
+use splash_firmware::mirror::Serials;
+use splash_firmware::mode::{Mode, Refusal};
+use splash_firmware::pipeline::{Probe, Report, RowError, Stage};
+use splash_firmware::strehl;
+use splash_firmware::telemetry::{Cycles, Decimation, Ring, Stamp};
+
+/// The clock of an emulated board is that of its frames: one tick a nanosecond.
+const TICKS_PER_SECOND: u32 = 1_000_000_000;
+/// What stands before an emulated mirror and laser lets them on, and they need no time.
+const PERMITTED: Inputs = Inputs { laser_permit: true, high_voltage_ready: true };
+const TIMES: Times = Times { settle_ticks: 0, fall_ticks: 0 };
+
+/// The controller of an emulated board.
+#[must_use]
+pub const fn controller<const M: usize, const B: usize>() -> Controller<M, B> {
+    Controller::new(Serials { mirror: 0, detector: 0 }, TIMES, TICKS_PER_SECOND)
+}
 
 /// Serves host-sim until a transfer fails, and returns why it did.
 ///
-/// `board` is the board's name, at most 16 bytes. `config` is loaded from the link; before, every
-/// frame is held. In a frame there are marks before and after `begin`, before and after each
+/// `board` is the board's name, at most 16 bytes. Configurations come over the link; before the first,
+/// every frame is held. Frames go through the frame path by itself, as on a bench, until the first
+/// [`Request::Command`]; from it to the next [`Request::Reset`] or [`Request::Load`] they go through the
+/// controller. In a frame there are marks before and after `begin`, before and after each
 /// `push_rows` (the wait for the rows is outside), before `finish`, after each of its stages and
-/// after its end; two in a row at the start tell what a mark itself costs.
-pub fn serve<T: Port, const M: usize, const P: usize, const B: usize>(
+/// after its end; two in a row at the start tell what a mark itself costs. Telemetry is sent behind
+/// the answers to a request.
+pub fn serve<T: Port, const M: usize, const P: usize, const B: usize, const R: usize>(
     port: &mut T,
     board: &str,
-    config: &mut Config<M, P, B>,
-    pipeline: &mut Pipeline<M, B>,
+    banks: Banks<'_, M, P, B>,
+    controller: &mut Controller<M, B>,
+    telemetry: &mut Ring<R>,
 ) -> T::Error {
     mark_twice::<T>();
-    let measurements = heapless::Vec::new();
-    let mut server = Server { board, config, pipeline, measurements };
+    let mut server = Server {
+        board,
+        banks,
+        controller,
+        telemetry,
+        measurements: heapless::Vec::new(),
+        last: None,
+        controlled: false,
+        ticks: 0,
+    };
     let mut receiver = Receiver::new();
     let mut next = None;
     loop {
@@ -30,7 +66,12 @@ pub fn serve<T: Port, const M: usize, const P: usize, const B: usize>(
             Some(request) => Ok(request),
             None => receive(port, &mut receiver),
         };
-        match request.and_then(|request| server.answer(port, &mut receiver, request)) {
+        let answered = request.and_then(|request| {
+            let interrupt = server.answer(port, &mut receiver, request)?;
+            server.tell(port)?;
+            Ok(interrupt)
+        });
+        match answered {
             Ok(interrupt) => next = interrupt,
             Err(error) => return error,
         }
@@ -42,7 +83,7 @@ pub fn serve<T: Port, const M: usize, const P: usize, const B: usize>(
 pub fn identity<const M: usize, const P: usize, const B: usize>(board: &str) -> Identity {
     Identity {
         board: board.try_into().unwrap_or_default(),
-        version: env!("CARGO_PKG_VERSION").try_into().unwrap_or_default(),
+        version: identity::VERSION.try_into().unwrap_or_default(),
         cells: M as u32,
         pixels: P as u32,
         buffered: B as u32,
@@ -83,15 +124,21 @@ impl<T: Port> Probe for Marks<T> {
     }
 }
 
-struct Server<'a, const M: usize, const P: usize, const B: usize> {
+struct Server<'a, const M: usize, const P: usize, const B: usize, const R: usize> {
     board: &'a str,
-    config: &'a mut Config<M, P, B>,
-    pipeline: &'a mut Pipeline<M, B>,
+    banks: Banks<'a, M, P, B>,
+    controller: &'a mut Controller<M, B>,
+    telemetry: &'a mut Ring<R>,
     /// Of the measured frame to come.
     measurements: heapless::Vec<Measurement, M>,
+    last: Option<FrameResult>,
+    /// Frames go through the controller.
+    controlled: bool,
+    /// The clock, at the start of the last frame.
+    ticks: u64,
 }
 
-impl<const M: usize, const P: usize, const B: usize> Server<'_, M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, M, P, B, R> {
     /// Answers a request, and returns the one that interrupted it.
     fn answer<T: Port>(
         &mut self,
@@ -104,20 +151,16 @@ impl<const M: usize, const P: usize, const B: usize> Server<'_, M, P, B> {
             Request::Identify => out.send(Response::Identity(identity::<M, P, B>(self.board)))?,
             Request::Load { bytes } => {
                 let mut pieces = Pieces::new(out.port, receiver, bytes);
-                let loaded = self.config.load(&mut |bytes| pieces.fill(bytes));
+                let loaded = self.load(&mut pieces, bytes);
                 let interrupt = pieces.drain()?;
-                self.pipeline.reset(self.config);
-                out.send(match loaded {
-                    Ok(()) => Response::Ready,
-                    Err(error) => Response::Refused(error.into()),
-                })?;
+                out.send(done(loaded))?;
                 return Ok(interrupt);
             }
             // One of an image that was given up.
             Request::Piece { .. } => {}
             Request::Reset => {
-                self.pipeline.reset(self.config);
-                out.port.actuate(self.pipeline.codes())?;
+                self.to_the_bench();
+                out.port.actuate(self.controller.codes())?;
                 self.state(&mut out)?;
                 out.send(Response::Ready)?;
             }
@@ -139,21 +182,188 @@ impl<const M: usize, const P: usize, const B: usize> Server<'_, M, P, B> {
                 self.finish(&mut out, read)?;
             }
             Request::GlobalTilt(tilt) => {
-                self.pipeline.set_global_tilt(tilt);
+                self.controller.set_global_tilt(tilt);
                 out.send(Response::Ready)?;
             }
             Request::Stack => {
                 let stack = out.port.stack();
                 out.send(Response::Stack(stack))?;
             }
+            Request::Command(command) => out.send(done(self.command(command)))?,
+            Request::ReadBack { offset, bytes } => {
+                parameters::read_back(self.banks.running(), &mut out, offset, bytes)?;
+                out.send(Response::Ready)?;
+            }
+            Request::Copy => {
+                let copied = self.banks.copy();
+                let state = self.banks.draft.state();
+                out.send(copied.map_or_else(refused, |()| Response::Draft(state)))?;
+            }
+            Request::Subscribe(decimation) => {
+                self.telemetry.subscribe(decimation.unwrap_or_else(|| self.usual_streams()));
+                out.send(self.streams())?;
+            }
+            Request::Streams => out.send(self.streams())?,
+            Request::Status => out.send(Response::Status(self.status()))?,
+            Request::Counters => out.send(Response::Counters(self.counters(receiver)))?,
+            Request::Faults => {
+                let last = self.controller.faults().last().copied();
+                out.history(last, |first, items| Response::Faults { first, items })?;
+                out.send(Response::Ready)?;
+            }
+            Request::Transitions => {
+                let last = self.controller.modes().last().copied();
+                out.history(last, |first, items| Response::Transitions { first, items })?;
+                out.send(Response::Ready)?;
+            }
+            other => {
+                let answer = parameters::draft(&mut self.banks.draft, &other)
+                    .or_else(|| parameters::running(self.banks.running(), &other))
+                    .or_else(|| {
+                        let may_store = self.may_store();
+                        parameters::stored(out.port.flash(), &mut self.banks, &other, may_store)
+                    });
+                out.send(answer.unwrap_or(Response::Refused(Reason::Unsupported)))?;
+            }
         }
         Ok(None)
     }
 
+    /// What an operator asks for: from now on frames go through the controller.
+    fn command(&mut self, command: Command) -> Result<(), Refusal> {
+        let config = self.banks.running();
+        let calibrated = config.calibration().is_ok();
+        if !self.controlled {
+            self.controller.exchange(config, config, calibrated)?;
+            self.controlled = true;
+        }
+        self.controller.interlock(PERMITTED, self.ticks);
+        let asked = self.controller.request(config, command, calibrated, self.ticks);
+        self.controller.interlock(PERMITTED, self.ticks);
+        asked
+    }
+
+    /// Opens the loop: frames go through the frame path alone.
+    fn to_the_bench(&mut self) {
+        let config = self.banks.running();
+        if self.controlled {
+            // Into safe leads a way from everywhere.
+            let _ = self.controller.request(config, Command::Disarm, false, self.ticks);
+            self.controlled = false;
+        }
+        self.controller.bench().reset(config);
+        self.last = None;
+    }
+
+    /// Stores take longer than a frame: the loop must not need one.
+    fn may_store(&self) -> Result<(), Reason> {
+        match self.controller.mode() {
+            Mode::Safe | Mode::Standby => Ok(()),
+            mode => Err(Refusal::WrongMode { mode }.into()),
+        }
+    }
+
+    /// An image from the link, to run at once.
+    fn load<T: Link>(&mut self, pieces: &mut Pieces<'_, T>, length: u32) -> Result<(), BankError> {
+        let draft = &mut self.banks.draft;
+        draft.begin(length)?;
+        let mut due = 0;
+        while due < length {
+            let mut piece = [0; PIECE];
+            let room = PIECE.min(length.saturating_sub(due) as usize);
+            let bytes = piece.get_mut(..room).unwrap_or_default();
+            if !pieces.fill(bytes) {
+                draft.discard();
+                return Err(BankError::Image(ImageError::Cut));
+            }
+            due = draft.chunk(due, bytes)?;
+        }
+        draft.switch()?;
+        self.controlled = false;
+        self.boundary();
+        self.to_the_bench();
+        Ok(())
+    }
+
+    /// Between two frames: the other bank runs, if that was ordered and the controller lets it.
+    fn boundary(&mut self) {
+        let (controller, controlled) = (&mut *self.controller, self.controlled);
+        self.banks.frame_boundary(|before, next| {
+            if controlled {
+                return controller.exchange(before, next, next.calibration().is_ok());
+            }
+            if !next.continues(before) {
+                controller.bench().reset(next);
+            }
+            Ok(())
+        });
+    }
+
+    /// Sends the telemetry that there is.
+    fn tell<T: Port>(&mut self, port: &mut T) -> Result<(), T::Error> {
+        let mut out = Outbox { port, sequence: 0 };
+        while let Some(record) = self.telemetry.pop() {
+            out.send(Response::Telemetry(record))?;
+        }
+        Ok(())
+    }
+
+    fn streams(&self) -> Response {
+        let decimation = self.telemetry.decimation();
+        Response::Streams { decimation, dropped: self.telemetry.dropped() }
+    }
+
+    /// A pipe has no rate that is too low.
+    fn usual_streams(&self) -> Decimation {
+        let subapertures = self.banks.running().subapertures();
+        Decimation::for_link(u32::MAX, self.frame_ns(), subapertures)
+    }
+
+    fn status(&self) -> Status {
+        let pipeline = self.controller.pipeline();
+        let valid = self.last.map_or(0, |last| last.report.valid);
+        let squared = strehl::tilt_squared(pipeline.slopes());
+        Status {
+            build: identity::BUILD,
+            configuration: self.banks.hash(),
+            serials: Serials::default(),
+            draft: self.banks.draft.state(),
+            draft_refused: self.banks.refused(),
+            mode: self.controller.mode(),
+            outputs: self.controller.outputs(),
+            at: self.last.map_or_else(Moment::default, |last| last.at),
+            ticks_per_second: TICKS_PER_SECOND,
+            gate: self.last.map_or_else(GateStamp::default, |last| last.gate),
+            tilt_rms_nm: strehl::tilt_rms_nm(squared, valid, self.banks.running().ulp_m()),
+        }
+    }
+
+    fn counters(&self, receiver: &Receiver) -> Counters {
+        Counters {
+            totals: self.controller.pipeline().totals(),
+            faults: *self.controller.faults().counts(),
+            refused_transitions: self.controller.modes().refused(),
+            unreadable_messages: receiver.refused(),
+        }
+    }
+
     fn begin<T: Port>(&mut self, number: u32) {
+        self.boundary();
+        let config = self.banks.running();
+        let pulses = config.timing().pulses_per_frame;
+        self.ticks = self.ticks.wrapping_add(self.frame_ns());
         T::mark();
-        self.pipeline.begin(self.config, number);
+        if self.controlled {
+            self.controller.begin(config, Start { number, pulses, ticks: self.ticks });
+        } else {
+            self.controller.bench().begin(config, number);
+        }
         T::mark();
+    }
+
+    fn frame_ns(&self) -> u64 {
+        let timing = self.banks.running().timing();
+        u64::from(timing.period_ns) * u64::from(timing.pulses_per_frame)
     }
 
     /// Rows from the detector; those behind a refused one are read and left.
@@ -164,14 +374,14 @@ impl<const M: usize, const P: usize, const B: usize> Server<'_, M, P, B> {
         pixels: usize,
     ) -> Result<Result<(), RowError>, T::Error> {
         self.begin::<T>(number);
-        let width = usize::from(self.config.width()).max(1);
+        let width = usize::from(self.banks.running().width()).max(1);
         port.expose(pixels, width)?;
         let mut read = Ok(());
         while let Some(rows) = port.rows()? {
             let count = rows.len().div_ceil(width) as u16;
             if read.is_ok() {
                 T::mark();
-                let pushed = self.pipeline.push_rows(self.config, rows, count);
+                let pushed = self.controller.push_rows(self.banks.running(), rows, count);
                 T::mark();
                 read = pushed.map(|_| ());
             }
@@ -185,7 +395,7 @@ impl<const M: usize, const P: usize, const B: usize> Server<'_, M, P, B> {
         // Where some are missing, none are good.
         let complete = self.measurements.len() == count as usize;
         let measurements = if complete { self.measurements.as_slice() } else { &[] };
-        let pushed = self.pipeline.push_measurements(self.config, measurements);
+        let pushed = self.controller.push_measurements(self.banks.running(), measurements);
         self.measurements.clear();
         pushed.map(|_| ()).map_err(|error| match error {
             RowError::Length { expected, .. } => RowError::Length { found: count, expected },
@@ -202,23 +412,49 @@ impl<const M: usize, const P: usize, const B: usize> Server<'_, M, P, B> {
         if let Err(error) = read {
             return out.send(Response::Refused(Reason::Row(error)));
         }
+        let config = self.banks.running();
+        let probe = &mut Marks::<T>(core::marker::PhantomData);
         T::mark();
-        let report =
-            self.pipeline.finish_probed(self.config, &mut Marks::<T>(core::marker::PhantomData));
+        let result = if self.controlled {
+            self.controller.finish(config, probe)
+        } else {
+            let report = self.controller.bench().finish_probed(config, probe);
+            self.on_the_bench(report)
+        };
         T::mark();
-        out.port.actuate(self.pipeline.codes())?;
+        out.port.actuate(self.controller.codes())?;
+        if self.controlled {
+            self.controller.interlock(PERMITTED, self.ticks);
+        }
+        let stamp = Stamp { configuration: self.banks.hash(), cycles: Cycles::default() };
+        self.telemetry.fill(self.controller.pipeline(), &result, &stamp);
+        self.last = Some(result);
         self.state(out)?;
-        out.list(self.pipeline.measurements(), |first, items| Response::Measurements {
-            first,
-            items,
-        })?;
-        out.list(self.pipeline.slopes(), |first, items| Response::Slopes { first, items })?;
-        out.list(self.pipeline.positions(), |first, items| Response::Positions { first, items })?;
-        out.send(Response::Report(report))
+        let pipeline = self.controller.pipeline();
+        out.list(pipeline.measurements(), |first, items| Response::Measurements { first, items })?;
+        out.list(pipeline.slopes(), |first, items| Response::Slopes { first, items })?;
+        out.list(pipeline.positions(), |first, items| Response::Positions { first, items })?;
+        out.send(Response::Report(result.report))
+    }
+
+    /// A frame of which no controller knows.
+    fn on_the_bench(&self, report: Report) -> FrameResult {
+        let at = Moment { frame: report.frame, ticks: self.ticks };
+        let (mode, gate) = (self.controller.mode(), GateStamp::default());
+        FrameResult { report, mode, rung: None, fault: None, gate, at }
     }
 
     fn state<T: Port>(&self, out: &mut Outbox<'_, T>) -> Result<(), T::Error> {
-        out.list(self.pipeline.codes(), |first, items| Response::Codes { first, items })?;
-        out.send(Response::Totals(self.pipeline.totals()))
+        let pipeline = self.controller.pipeline();
+        out.list(pipeline.codes(), |first, items| Response::Codes { first, items })?;
+        out.send(Response::Totals(pipeline.totals()))
     }
+}
+
+fn refused(error: impl Into<Reason>) -> Response {
+    Response::Refused(error.into())
+}
+
+fn done<E: Into<Reason>>(result: Result<(), E>) -> Response {
+    result.map_or_else(refused, |()| Response::Ready)
 }

@@ -8,13 +8,13 @@ use embassy_stm32::wdg::IndependentWatchdog;
 use heapless::spsc::Consumer;
 use splash_firmware::interlock::{Interlock, Lost, Times};
 use splash_firmware::link::Stack;
+use splash_firmware::strehl;
 use splash_firmware::watchdog::{Part, Watchdog};
 use splash_server::Link;
 use stm32h743_logic::frame_loop::{Counter, Record};
 use stm32h743_logic::gate::GateTicks;
 use stm32h743_logic::queues::News;
 use stm32h743_logic::service::Board;
-use stm32h743_logic::telemetry;
 
 /// For how long a PC is let wait for a frame, ms.
 const PATIENCE_MS: u32 = 1_000;
@@ -111,14 +111,14 @@ impl Desk {
             return;
         }
         let report = &record.report;
-        let rms_nm = telemetry::tilt_rms_nm(record.tilt_squared_ulp2, report.valid, self.ulp_m);
+        let rms_nm = strehl::tilt_rms_nm(record.tilt_squared_ulp2, report.valid, self.ulp_m);
         defmt::info!(
             "frame {}: {}, {} valid, tilts {} nm rms, Strehl ratio of these {}; slowest tail {}, {}, {}",
             report.frame,
             report.outcome,
             report.valid,
             rms_nm,
-            telemetry::strehl(rms_nm, WAVELENGTH_NM),
+            strehl::strehl(rms_nm, WAVELENGTH_NM),
             self.slowest,
             record.cycles,
             record.tick,

@@ -94,6 +94,23 @@ fn the_frame_path_breaks_no_rule() {
     assert!(found.is_empty(), "\n{}", found.join("\n"));
 }
 
+/// What bytes from outside reach: the link's decoder and encoder, uploads, adjustments, commands, telemetry.
+/// That it links says the same, since its panic handler calls a function that there is not.
+#[test]
+fn bytes_from_outside_reach_no_panic() {
+    for target in TARGETS {
+        let image = image(target, "link");
+        for entry in
+            ["decode", "encode", "upload", "adjust", "exchange", "read", "command", "telemetry"]
+        {
+            let reached = image.reached(image.entry(&format!("probe_{entry}")));
+            let panics = |chain: &&Vec<&str>| chain.iter().any(|name| name.contains("9panicking"));
+            let found: Vec<_> = reached.values().filter(panics).collect();
+            assert!(found.is_empty(), "{target}, {entry}: {found:?}");
+        }
+    }
+}
+
 /// The check itself: a program that breaks each rule once is caught each time.
 #[test]
 fn the_check_sees_what_it_looks_for() {

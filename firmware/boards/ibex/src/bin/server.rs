@@ -4,9 +4,11 @@
 
 use core::fmt::Write;
 use ibex::{Console, DMEM_BYTES, Exit, Once, Ports, STACK_BYTES, exit};
+use splash_firmware::banks::Banks;
 use splash_firmware::config::Config;
-use splash_firmware::pipeline::Pipeline;
-use splash_server::serve;
+use splash_firmware::controller::Controller;
+use splash_firmware::telemetry::Ring;
+use splash_server::{controller, serve};
 
 /// Cells of the subaperture grid: 16 x 16.
 const M: usize = 256;
@@ -14,11 +16,18 @@ const M: usize = 256;
 const P: usize = 16_384;
 /// Pixels that brightest-n can buffer: 8 windows of 16 x 16 in a row, or 16 of 8 x 8 in two.
 const B: usize = 2_048;
+/// Records of telemetry: those of a frame with 256 subapertures are 65.
+const R: usize = 66;
 
-static CONFIG: Once<Config<M, P, B>> = Once::new(Config::new());
-static PIPELINE: Once<Pipeline<M, B>> = Once::new(Pipeline::new());
+static RUNNING: Once<Config<M, P, B>> = Once::new(Config::new());
+static OTHER: Once<Config<M, P, B>> = Once::new(Config::new());
+static TELEMETRY: Once<Ring<R>> = Once::new(Ring::new());
+static CONTROLLER: Once<Controller<M, B>> = Once::new(controller());
 
-const NEEDED: usize = size_of::<Config<M, P, B>>() + size_of::<Pipeline<M, B>>() + STACK_BYTES;
+const NEEDED: usize = 2 * size_of::<Config<M, P, B>>()
+    + size_of::<Controller<M, B>>()
+    + size_of::<Ring<R>>()
+    + STACK_BYTES;
 const _: () = const_panic::concat_assert!(
     NEEDED <= DMEM_BYTES,
     "M = ",
@@ -39,10 +48,13 @@ const _: () = const_panic::concat_assert!(
 #[allow(unsafe_code, reason = "an entry by its name")]
 #[unsafe(no_mangle)]
 extern "C" fn main() -> ! {
-    if let (Some(config), Some(pipeline)) = (CONFIG.take(), PIPELINE.take()) {
+    if let (Some(running), Some(other), Some(control), Some(telemetry)) =
+        (RUNNING.take(), OTHER.take(), CONTROLLER.take(), TELEMETRY.take())
+    {
         let _ = writeln!(Console, "room for {M} cells, {P} window pixels, {B} buffered");
+        let banks = Banks::new(running, other);
         // The one way in which it ends.
-        let ibex::Closed = serve(&mut Ports::new(), "ibex", config, pipeline);
+        let ibex::Closed = serve(&mut Ports::new(), "ibex", banks, control, telemetry);
     }
     exit(Exit::Done)
 }

@@ -4,9 +4,11 @@
 
 use mps2_an500::{Exit, Pipes, RAM_BYTES, STACK_BYTES, exit};
 use semihosting::io::ErrorKind;
+use splash_firmware::banks::Banks;
 use splash_firmware::config::Config;
-use splash_firmware::pipeline::Pipeline;
-use splash_server::serve;
+use splash_firmware::controller::Controller;
+use splash_firmware::telemetry::Ring;
+use splash_server::{controller, serve};
 use static_cell::ConstStaticCell;
 
 /// Cells of the subaperture grid: 16 x 16.
@@ -15,12 +17,19 @@ const M: usize = 256;
 const P: usize = 16_384;
 /// Pixels that brightest-n can buffer: 8 windows of 16 x 16 in a row, or 16 of 8 x 8 in two.
 const B: usize = 2_048;
+/// Records of telemetry: those of a frame with 256 subapertures are 65.
+const R: usize = 66;
 
-static CONFIG: ConstStaticCell<Config<M, P, B>> = ConstStaticCell::new(Config::new());
-static PIPELINE: ConstStaticCell<Pipeline<M, B>> = ConstStaticCell::new(Pipeline::new());
+static RUNNING: ConstStaticCell<Config<M, P, B>> = ConstStaticCell::new(Config::new());
+static OTHER: ConstStaticCell<Config<M, P, B>> = ConstStaticCell::new(Config::new());
+static TELEMETRY: ConstStaticCell<Ring<R>> = ConstStaticCell::new(Ring::new());
+static CONTROLLER: ConstStaticCell<Controller<M, B>> = ConstStaticCell::new(controller());
 
-const NEEDED: usize =
-    size_of::<Config<M, P, B>>() + size_of::<Pipeline<M, B>>() + size_of::<Pipes>() + STACK_BYTES;
+const NEEDED: usize = 2 * size_of::<Config<M, P, B>>()
+    + size_of::<Controller<M, B>>()
+    + size_of::<Ring<R>>()
+    + size_of::<Pipes>()
+    + STACK_BYTES;
 const _: () = const_panic::concat_assert!(
     NEEDED <= RAM_BYTES,
     "M = ",
@@ -38,12 +47,11 @@ const _: () = const_panic::concat_assert!(
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let config = CONFIG.take();
-    let pipeline = PIPELINE.take();
+    let banks = Banks::new(RUNNING.take(), OTHER.take());
     let ended = match Pipes::open() {
         Ok(mut pipes) => {
             defmt::info!("room for {} cells, {} window pixels, {} buffered", M, P, B);
-            serve(&mut pipes, "mps2-an500", config, pipeline)
+            serve(&mut pipes, "mps2-an500", banks, CONTROLLER.take(), TELEMETRY.take())
         }
         Err(error) => error,
     };

@@ -5,7 +5,7 @@ use crate::frame_clock::{FrameClock, Tick};
 use crate::shape::Shape;
 use splash_firmware::config::Config;
 use splash_firmware::pipeline::{Pipeline, Probe, Report, Stage};
-use splash_firmware::slopes::Slope;
+use splash_firmware::strehl::tilt_squared;
 
 /// Frames that were missed and are held one by one, so that the mirror's past is right: it goes back by
 /// no more than these.
@@ -177,12 +177,4 @@ impl<'a, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
             tilt_squared_ulp2: tilt_squared(self.pipeline.slopes()),
         }
     }
-}
-
-/// Sum of tip^2 + tilt^2 over valid slopes.
-fn tilt_squared(slopes: &[Slope]) -> u64 {
-    let valid = slopes.iter().filter(|slope| slope.valid);
-    let tilts = valid.flat_map(|slope| slope.tilt_ulp);
-    // |tilt| <= 2^23 ulp: 2^7 squares stay below 2^53.
-    tilts.map(|tilt| u64::from(tilt.unsigned_abs())).fold(0, |sum, tilt| sum + tilt * tilt)
 }

@@ -18,7 +18,6 @@
 //! | [`asking`], [`answers`] | how the main loop asks, and what is then done |
 //! | [`service`] | requests of the link |
 //! | [`byte_ring`] | bytes of the link as the DMA writes them |
-//! | [`telemetry`] | what the log says of the wavefront |
 
 #![cfg_attr(not(test), no_std)]
 
@@ -39,4 +38,3 @@ pub mod requests;
 pub mod ring;
 pub mod service;
 pub mod shape;
-pub mod telemetry;

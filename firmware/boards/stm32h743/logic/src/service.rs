@@ -6,6 +6,7 @@
 //! | `Reset` | opens the loop, and asks for the enables |
 //! | `Frame` | answered by what the detector's next frame leaves, whatever its number; refused if none comes |
 //! | `MeasuredFrame` | refused: there is a detector |
+//! | others | refused |
 
 use crate::answers::Snapshot;
 use crate::asking::Asking;
@@ -143,6 +144,7 @@ impl<'q, const M: usize, const P: usize, const B: usize> Service<'q, M, P, B> {
                 let stack = out.port.stack();
                 out.send(Response::Stack(stack))?;
             }
+            _ => out.send(Response::Refused(Reason::Unsupported))?,
         }
         Ok(None)
     }

@@ -1,6 +1,20 @@
-//! What the log says of the wavefront: an estimate, for a person who looks at it.
+//! What slopes say of the wavefront: an estimate, for a person who looks at it.
+//!
+//! In floating point: not for the frame path, which leaves [`tilt_squared`] to be judged later.
 
+use crate::slopes::Slope;
 use micromath::F32Ext;
+
+/// Sum of tip^2 + tilt^2 over valid slopes, ulp^2: below 2^57 for 1600 subapertures.
+#[must_use]
+pub fn tilt_squared(slopes: &[Slope]) -> u64 {
+    slopes.iter().fold(0, |sum, slope| {
+        let squares = slope.tilt_ulp.map(|tilt| u64::from(tilt.unsigned_abs()).pow(2));
+        // |tilt| <= 2^23; a mask keeps the time the same.
+        let [tip, tilt] = squares.map(|square| square & u64::from(slope.valid).wrapping_neg());
+        sum.wrapping_add(tip).wrapping_add(tilt)
+    })
+}
 
 /// Rms over the valid subapertures of the path difference that their measured tips and tilts leave, nm.
 ///
@@ -27,6 +41,13 @@ pub fn strehl(rms_nm: f32, wavelength_nm: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn invalid_slopes_do_not_count() {
+        let slope = |tilt_ulp, valid| Slope { tilt_ulp, valid };
+        let slopes = [slope([3, -4], true), slope([100, 100], false), slope([1 << 23, 0], true)];
+        assert_eq!(tilt_squared(&slopes), 25 + (1 << 46));
+    }
 
     /// 52 subapertures, each tipped by 30 nm and tilted by 40 nm from centre to edge.
     #[test]

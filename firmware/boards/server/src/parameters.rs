@@ -1,0 +1,111 @@
+//! Requests about configurations: what is done to the other bank, what is asked of the running one.
+
+use crate::{Link, Outbox};
+use embedded_storage::nor_flash::NorFlash;
+use splash_firmware::banks::{Banks, Draft};
+use splash_firmware::config::Config;
+use splash_firmware::link::{PIECE, Reason, Request, Response};
+use splash_firmware::store::Store;
+
+/// Does to the other bank what is asked, and returns the answer; `None` for a request about something
+/// else.
+pub fn draft<const M: usize, const P: usize, const B: usize>(
+    draft: &mut Draft<'_, M, P, B>,
+    request: &Request,
+) -> Option<Response> {
+    let done = match request {
+        Request::Upload { bytes } => draft.begin(*bytes),
+        Request::Chunk { offset, bytes } => draft.chunk(*offset, bytes).map(|_| ()),
+        Request::Adjust(adjustment) => draft.adjust(adjustment),
+        Request::Check => draft.check().map(|_| ()),
+        Request::Switch => draft.switch().map(|_| ()),
+        Request::Discard => {
+            draft.discard();
+            Ok(())
+        }
+        _ => return None,
+    };
+    Some(match done {
+        Ok(()) => Response::Draft(draft.state()),
+        Err(error) => Response::Refused(error.into()),
+    })
+}
+
+/// Tells of the running configuration what is asked; `None` for a request about something else.
+pub fn running<const M: usize, const P: usize, const B: usize>(
+    config: &Config<M, P, B>,
+    request: &Request,
+) -> Option<Response> {
+    Some(match request {
+        Request::Get(parameter) => match config.value(*parameter) {
+            Ok(value) => Response::Value(value),
+            Err(error) => Response::Refused(error.into()),
+        },
+        Request::Calibration => match config.calibration() {
+            Ok(calibration) => Response::Calibration(calibration),
+            Err(error) => Response::Refused(error.into()),
+        },
+        _ => return None,
+    })
+}
+
+/// Sends bytes of the running configuration's image. `Ready` behind them is left to the caller.
+///
+/// # Errors
+/// If the link has ended.
+pub fn read_back<T: Link, const M: usize, const P: usize, const B: usize>(
+    config: &Config<M, P, B>,
+    out: &mut Outbox<'_, T>,
+    offset: u32,
+    bytes: u32,
+) -> Result<(), T::Error> {
+    let mut piece = heapless::Vec::<u8, PIECE>::new();
+    let mut next = 0u32;
+    let mut sent = Ok(());
+    let range = offset..offset.saturating_add(bytes);
+    let mut send = |piece: &mut heapless::Vec<u8, PIECE>, end: u32| {
+        if sent.is_ok() && !piece.is_empty() {
+            let bytes = core::mem::take(piece);
+            let offset = end.wrapping_sub(bytes.len() as u32);
+            sent = out.send(Response::Image { offset, bytes });
+        }
+    };
+    config.save(&mut |bytes| {
+        for &byte in bytes {
+            if range.contains(&next) {
+                // There is room: a full piece is sent at once.
+                let _ = piece.push(byte);
+                if piece.is_full() {
+                    send(&mut piece, next.wrapping_add(1));
+                }
+            }
+            next = next.wrapping_add(1);
+        }
+    });
+    send(&mut piece, next.min(range.end));
+    sent
+}
+
+/// Stores, or loads what is stored into the other bank; `None` for a request about something else.
+/// `may_store`: the mode allows it.
+pub fn stored<F: NorFlash, const M: usize, const P: usize, const B: usize>(
+    flash: Option<F>,
+    banks: &mut Banks<'_, M, P, B>,
+    request: &Request,
+    may_store: Result<(), Reason>,
+) -> Option<Response> {
+    if !matches!(request, Request::Store | Request::Stored | Request::Restore) {
+        return None;
+    }
+    let Some(flash) = flash else { return Some(Response::Refused(Reason::Unsupported)) };
+    let mut store = Store::new(flash);
+    let answer = match request {
+        Request::Store => may_store.and_then(|()| {
+            let stored = store.store(banks.running())?;
+            Ok(Response::Stored(Some(stored)))
+        }),
+        Request::Stored => store.newest_stored().map(Response::Stored).map_err(Reason::from),
+        _ => banks.draft.restore(&mut store).map(|_| Response::Draft(banks.draft.state())),
+    };
+    Some(answer.unwrap_or_else(Response::Refused))
+}
