@@ -9,11 +9,13 @@
 //! | codes | inside the actuators' limits and the slew limit, in every step |
 //! | state | inside its formats |
 //! | mode | reached by a legal way; a closed loop has high voltage and laser |
+//! | configuration | the one that runs is the one that was last switched to, whatever the link and the flash go through |
 //! | counters | those of the controller are those counted here, kind by kind |
 //! | recovery | the loop closes again within [`RECOVERY`] frames of the operator's first attempt |
 //! | correction | a loop that has been closed and whole for [`WHOLE`] frames keeps its spots in place |
 //! | repeatability | the same seed gives the same digest |
 
+mod desk;
 mod invariants;
 mod ledger;
 mod mishap;
@@ -27,20 +29,24 @@ use crate::error::Error;
 use crate::instrument::Instrument;
 use crate::reconstructor::Reconstructor;
 use crate::summary::CodeDigest;
+use desk::Desk;
 use invariants::Invariants;
 use ledger::Ledger;
 use operator::Operator;
 use plant::Plant;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
+use splash_firmware::banks::{Banks, DraftState};
 use splash_firmware::config::Config;
 use splash_firmware::controller::{Command, Controller, Start};
 use splash_firmware::fault::Fault;
 use splash_firmware::gate::GateStamp;
 use splash_firmware::interlock::{Inputs, Times};
+use splash_firmware::link::Request;
 use splash_firmware::mirror::Serials;
-use splash_firmware::mode::Mode;
+use splash_firmware::mode::{Mode, Refusal};
 use splash_firmware::pipeline::RowError;
+use splash_firmware::store::Store;
 
 /// Mean number of frames between two mishaps.
 const GAP: f64 = 30.0;
@@ -56,6 +62,8 @@ pub const WHOLE: u64 = 40;
 const IN_PLACE_PX: f64 = 1.0;
 /// Ticks of the board's clock in a frame: microseconds of the default instrument.
 const FRAME_TICKS: u64 = 1000;
+/// Steps of a store, and some: an image of the default instrument in words of 32 bytes, and pages.
+const STEPS: usize = 4000;
 /// Rows that come at once.
 const BLOCK: usize = 16;
 
@@ -64,9 +72,29 @@ const PIXELS: usize = 16_384;
 
 type Bank = Config<CELLS, PIXELS, PIXELS>;
 
+/// Why there are banks.
+const THERE: &str = "banks are taken only to be put back";
+
+/// The memory of both banks.
+pub struct Memory([Box<Bank>; 2]);
+
+impl Default for Memory {
+    fn default() -> Self {
+        Self([(); 2].map(|()| Box::new(Bank::new())))
+    }
+}
+
 /// The campaign.
-pub struct FaultCampaign {
-    bank: Box<Bank>,
+pub struct FaultCampaign<'a> {
+    /// `None` only while the board starts anew.
+    banks: Option<Banks<'a, CELLS, PIXELS, PIXELS>>,
+    desk: Desk,
+    /// Hash of the configuration that must run.
+    runs: u32,
+    /// One that must run from the next frame boundary on.
+    ordered: Option<u32>,
+    /// Hashes of which one must be in flash; `None`: nothing needs to be.
+    stored: Option<[u32; 2]>,
     controller: Box<Controller<CELLS, PIXELS>>,
     plant: Plant,
     operator: Operator,
@@ -84,20 +112,24 @@ pub struct FaultCampaign {
     whole: u64,
 }
 
-impl FaultCampaign {
+impl<'a> FaultCampaign<'a> {
     /// A campaign of a seed, with an instrument that the default capacities hold.
     ///
     /// # Errors
     /// [`Error`] for an instrument that cannot be.
     pub fn new(
+        memory: &'a mut Memory,
         instrument: &Instrument,
         reconstructor: &Reconstructor,
         seed: u64,
     ) -> Result<Self, Error> {
-        let mut bank = Box::new(Bank::new());
-        bank.build(&reconstructor.spec())?;
+        let [running, other] = memory.0.each_mut();
         let mut campaign = Self {
-            bank,
+            banks: Some(Banks::new(running, other)),
+            desk: Desk::new(reconstructor, seed)?,
+            runs: 0,
+            ordered: None,
+            stored: None,
             controller: controller(),
             plant: Plant::new(instrument, reconstructor, seed)?,
             operator: Operator::new(),
@@ -115,16 +147,192 @@ impl FaultCampaign {
         Ok(campaign)
     }
 
-    /// A board that has just been switched on, or has started anew.
+    /// A board that has just been switched on, or has started anew: it runs what is stored, or what
+    /// it is sent.
     fn start(&mut self) -> Result<(), Error> {
         self.controller = controller();
-        let none = Box::new(Bank::new());
-        let exchanged = self.controller.exchange(&none, &self.bank, true);
-        exchanged.map_err(|refusal| Error::Run(format!("the first configuration: {refusal}")))?;
+        if let Some(banks) = self.banks.take() {
+            let [running, other] = banks.into_banks();
+            (*running, *other) = (Bank::new(), Bank::new());
+            self.banks = Some(Banks::new(running, other));
+        }
+        self.desk.flash.steps = None;
+        self.send(&desk::wire(Request::Restore));
+        let restored = matches!(self.banks().draft.state(), DraftState::Checked { .. });
+        if restored {
+            self.send(&desk::wire(Request::Switch));
+        } else {
+            let (image, _) = self.desk.image(&mut self.random);
+            for message in desk::upload(&image) {
+                self.send(&message);
+            }
+        }
+        let DraftState::Ordered { hash } = self.banks().draft.state() else {
+            let state = self.banks().draft.state();
+            return self.holds(Err(format!("the board does not start: {state:?}")));
+        };
+        let expected = match self.stored {
+            Some(hashes) => restored && hashes.contains(&hash),
+            None => !restored && self.desk.knows(hash),
+        };
+        if !expected {
+            return self.holds(Err(format!("the board starts with {hash:#x}: {:x?}", self.stored)));
+        }
+        if restored {
+            self.stored = Some([hash; 2]);
+        }
+        self.ordered = Some(hash);
+        self.boundary()?;
         self.invariants.start(self.controller.codes());
         self.plant.move_to(self.controller.codes(), self.frame);
         self.ledger.start();
         Ok(())
+    }
+
+    fn banks(&mut self) -> &mut Banks<'a, CELLS, PIXELS, PIXELS> {
+        self.banks.as_mut().expect(THERE)
+    }
+
+    /// What runs.
+    fn bank(&self) -> &Bank {
+        running(&self.banks)
+    }
+
+    /// Bytes come over the link.
+    fn send(&mut self, bytes: &[u8]) {
+        let mode = self.controller.mode();
+        let banks = self.banks.as_mut().expect(THERE);
+        self.desk.receive(bytes, banks, mode);
+    }
+
+    /// Between two frames: what was switched to runs, and nothing else.
+    fn boundary(&mut self) -> Result<(), Error> {
+        let Self { banks, controller, .. } = self;
+        let banks = banks.as_mut().expect(THERE);
+        let exchanged = banks.frame_boundary(|before, next| {
+            controller.exchange(before, next, next.calibration().is_ok())
+        });
+        let held = match (exchanged, self.ordered.take()) {
+            (Some(Ok(found)), Some(expected)) if found == expected => {
+                self.runs = found;
+                Ok(())
+            }
+            (None, None) => Ok(()),
+            (found, expected) => Err(format!("{found:x?} was to run, expected {expected:x?}")),
+        };
+        let (runs, found) = (self.runs, self.banks().hash());
+        let hash = self.bank().hash();
+        let same = held.and_then(|()| {
+            let same = runs == found && runs == hash;
+            if same { Ok(()) } else { Err(format!("{found:#x} ({hash:#x}) runs, not {runs:#x}")) }
+        });
+        self.holds(same)
+    }
+
+    /// What happens on the link, or to the flash.
+    fn link(&mut self, mishap: Option<Mishap>, ticks: u64) -> Result<(), Error> {
+        let refused = self.desk.refused;
+        match mishap {
+            Some(Mishap::Garbage) => {
+                let bytes = Desk::garbage(&mut self.random);
+                self.send(&bytes);
+            }
+            Some(Mishap::Truncated) => {
+                let whole = desk::wire(Request::Copy);
+                let cut = self.random.random_range(1..whole.len());
+                self.send(&whole[..cut]);
+                // Cut short, it takes the next one with it; the one behind arrives.
+                self.send(&desk::wire(Request::Discard));
+                self.send(&desk::wire(Request::Discard));
+                if self.banks().draft.state() != DraftState::Empty {
+                    return self.holds(Err("the message behind a cut one is lost".into()));
+                }
+            }
+            Some(Mishap::Replayed | Mishap::Upload) => {
+                let (image, hash) = self.desk.image(&mut self.random);
+                let messages = desk::upload(&image);
+                let twice = self.random.random_range(0..messages.len());
+                for (i, message) in messages.iter().enumerate() {
+                    self.send(message);
+                    // The first one twice only begins anew.
+                    if mishap == Some(Mishap::Replayed) && i == twice {
+                        self.send(message);
+                    }
+                }
+                self.ordered = Some(hash);
+            }
+            Some(Mishap::BrokenUpload) => {
+                let (mut image, _) = self.desk.image(&mut self.random);
+                let mut messages = if self.random.random_bool(0.5) {
+                    let place = self.random.random_range(0..image.len());
+                    image[place] ^= 1 << self.random.random_range(0..8);
+                    desk::upload(&image)
+                } else {
+                    let mut messages = desk::upload(&image);
+                    messages.remove(self.random.random_range(0..messages.len() - 1));
+                    messages
+                };
+                if self.random.random_bool(0.3) {
+                    messages.truncate(self.random.random_range(1..messages.len()));
+                }
+                messages.iter().for_each(|message| self.send(message));
+                self.send(&desk::wire(Request::Switch));
+                if self.desk.refused == refused {
+                    return self.holds(Err("a broken upload was not refused".into()));
+                }
+            }
+            Some(Mishap::StoreCut) => {
+                // A loop that is closed must not wait for a flash.
+                if self.random.random_bool(0.7) && self.controller.mode() != Mode::Safe {
+                    self.command(Command::Enter(Mode::Standby), ticks)?;
+                }
+                let may = matches!(self.controller.mode(), Mode::Safe | Mode::Standby);
+                let steps = self.random.random_range(0..STEPS);
+                self.desk.flash.steps = Some(steps);
+                self.desk.flash.taken = 0;
+                self.send(&desk::wire(Request::Store));
+                let whole = self.desk.refused == refused;
+                if !may {
+                    let held = if whole || self.desk.flash.taken > 0 {
+                        Err(format!("stored in mode {}", self.controller.mode()))
+                    } else {
+                        Ok(())
+                    };
+                    return self.holds(held);
+                }
+                let before = self.stored.map(|[before, _]| before);
+                self.desk.flash.steps = None;
+                // Cut before its end, it is there or it is not; the one before is kept until it is.
+                self.stored = match (whole, before) {
+                    (true, _) => Some([self.runs; 2]),
+                    (false, Some(before)) => Some([before, self.runs]),
+                    (false, None) => None,
+                };
+                let held = self.in_flash();
+                self.holds(held)?;
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// What would be restored is what was stored.
+    fn in_flash(&mut self) -> Result<(), String> {
+        let found = Store::new(&mut self.desk.flash).newest_stored();
+        let found = found.map_err(|error| error.to_string())?.map(|stored| stored.hash);
+        match (found, self.stored) {
+            (Some(hash), Some(hashes)) if hashes.contains(&hash) => {
+                self.stored = Some([hash; 2]);
+                Ok(())
+            }
+            // The very first store, cut in its last step, may be whole.
+            (Some(hash), None) if hash == self.runs => {
+                self.stored = Some([hash; 2]);
+                Ok(())
+            }
+            (None, None) => Ok(()),
+            (found, stored) => Err(format!("{found:x?} is in flash, expected {stored:x?}")),
+        }
     }
 
     /// Goes on until the next mishap has happened, and returns its kind.
@@ -157,11 +365,13 @@ impl FaultCampaign {
         }
         if mishap == Some(Mishap::Commands) {
             for _ in 0..self.random.random_range(1..6) {
-                let subapertures = self.bank.subapertures() as u16;
+                let subapertures = self.bank().subapertures() as u16;
                 let command = operator::any(&mut self.random, subapertures);
                 self.command(command, ticks)?;
             }
         }
+        self.link(mishap, ticks)?;
+        self.boundary()?;
         self.expose(mishap, ticks)?;
         if mishap == Some(Mishap::Dacs) {
             self.controller.fault(Fault::Dacs, ticks);
@@ -176,7 +386,7 @@ impl FaultCampaign {
     /// What an operator asks for; a refusal leaves the mode and the codes.
     fn command(&mut self, command: Command, ticks: u64) -> Result<(), Error> {
         let before = (self.controller.mode(), self.controller.codes().to_vec());
-        match self.controller.request(&self.bank, command, true, ticks) {
+        match self.request(command, ticks) {
             Ok(()) => self.operator.took(&command),
             Err(refusal) if self.controller.mode() != before.0 => {
                 return self.holds(Err(format!("{command:?} refused ({refusal}), and done")));
@@ -187,6 +397,12 @@ impl FaultCampaign {
             return self.holds(Err(format!("{command:?} moved the mirror between frames")));
         }
         self.mode()
+    }
+
+    fn request(&mut self, command: Command, ticks: u64) -> Result<(), Refusal> {
+        let Self { banks, controller, .. } = self;
+        let bank = running(banks);
+        controller.request(bank, command, bank.calibration().is_ok(), ticks)
     }
 
     /// The mode is legal after the one that was last looked at.
@@ -241,7 +457,8 @@ impl FaultCampaign {
 
     /// The mirror comes to flat by the handler of the panic, and the board starts anew.
     fn crash(&mut self) -> Result<(), Error> {
-        let Self { controller, bank, invariants, .. } = self;
+        let Self { controller, banks, invariants, .. } = self;
+        let bank = running(banks);
         let mut held = Ok(());
         controller.emergency(bank, |codes| {
             if held.is_ok() {
@@ -263,7 +480,7 @@ impl FaultCampaign {
 
     /// The frame, as it comes to the controller.
     fn expose(&mut self, mishap: Option<Mishap>, ticks: u64) -> Result<(), Error> {
-        let asked = self.bank.timing().pulses_per_frame;
+        let asked = self.bank().timing().pulses_per_frame;
         let (mut number, mut pulses) = (self.number, asked);
         match mishap {
             Some(Mishap::Dropped) => {
@@ -284,11 +501,12 @@ impl FaultCampaign {
         let laser = self.controller.outputs().laser;
         let light = if laser { f64::from(pulses) / f64::from(asked) } else { 0.0 };
         let lit = light == 1.0 && !self.plant.is_dim(self.frame);
-        let (height, width) = (usize::from(self.bank.height()), usize::from(self.bank.width()));
+        let (height, width) = (usize::from(self.bank().height()), usize::from(self.bank().width()));
+        let top = ((1u32 << self.bank().bits()) - 1) as u16;
         let pixels = self.plant.expose(self.frame, light);
         let mut rows = height;
         match mishap {
-            Some(Mishap::Saturated) => pixels.fill(((1u32 << self.bank.bits()) - 1) as u16),
+            Some(Mishap::Saturated) => pixels.fill(top),
             Some(Mishap::Corrupted) => {
                 for pixel in pixels.iter_mut() {
                     *pixel ^= (self.random.next_u32() & self.random.next_u32()) as u16 & 0xfff;
@@ -298,7 +516,8 @@ impl FaultCampaign {
             _ => {}
         }
         let mut start = Start { number, pulses, ticks };
-        let (bank, controller) = (&*self.bank, &mut *self.controller);
+        let bank = running(&self.banks);
+        let controller = &mut *self.controller;
         let before = controller.mode();
         controller.begin(bank, start);
         if before == Mode::ClosedLoop && controller.mode() == Mode::Safe {
@@ -318,8 +537,9 @@ impl FaultCampaign {
         let again = (mishap == Some(Mishap::Doubled)).then(|| pixels.to_vec());
         self.finish(mishap, mishap, lit)?;
         if let Some(pixels) = again {
-            self.controller.begin(&self.bank, start);
-            push(&mut self.controller, &self.bank, &pixels);
+            let bank = running(&self.banks);
+            self.controller.begin(bank, start);
+            push(&mut self.controller, bank, &pixels);
             // Its number says what it is.
             self.finish(mishap, Some(Mishap::WrongCounter), lit)?;
         }
@@ -334,7 +554,8 @@ impl FaultCampaign {
         lit: bool,
     ) -> Result<(), Error> {
         let before = self.controller.mode();
-        let result = self.controller.finish(&self.bank, &mut ());
+        let bank = running(&self.banks);
+        let result = self.controller.finish(bank, &mut ());
         let GateStamp { asked, seen, .. } = result.gate;
         self.ledger.expect(Fault::PulsesMissed { asked, seen }, (seen < asked).into());
         self.ledger.frame(mishap, before, &result);
@@ -353,7 +574,8 @@ impl FaultCampaign {
         self.ledger.expect(Fault::FrameMissing, due.into());
         // Seen or not, the sky goes on.
         self.plant.expose(self.frame, 0.0);
-        let result = self.controller.missing(&self.bank, ticks);
+        let bank = running(&self.banks);
+        let result = self.controller.missing(bank, ticks);
         self.ledger.frame(Some(Mishap::Dropped), before, &result);
         let held = self.invariants.codes(self.controller.codes());
         self.holds(held)?;
@@ -406,6 +628,11 @@ impl FaultCampaign {
     pub fn digest(&self) -> String {
         self.digest.hex()
     }
+}
+
+/// What runs.
+fn running<'b>(banks: &'b Option<Banks<'_, CELLS, PIXELS, PIXELS>>) -> &'b Bank {
+    banks.as_ref().expect(THERE).running()
 }
 
 /// A controller that has just been switched on.

@@ -12,6 +12,7 @@
 //! | [`board`] | where the firmware library runs |
 //! | [`mirror`] | DAC codes to the shape of the segments |
 //! | [`profile`] | what a frame costs on a board |
+//! | [`nor_flash`] | a flash device, and what a power cut does to it |
 //! | [`quick`] | a sky and a detector for runs of a million frames |
 //! | [`closed_loop`] | all of them, frame after frame |
 //! | [`endurance`] | a run by the million frames, and what must hold for ever |
@@ -38,6 +39,7 @@ pub mod imager;
 pub mod instrument;
 pub mod mirror;
 pub mod monte_carlo;
+pub mod nor_flash;
 pub mod optics;
 pub mod profile;
 pub mod pupil;

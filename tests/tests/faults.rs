@@ -1,6 +1,6 @@
 //! The fault campaign, a hundredth of it and more: `host-sim faults` runs ten thousand.
 
-use host_sim::fault_campaign::{FaultCampaign, MISHAPS};
+use host_sim::fault_campaign::{FaultCampaign, MISHAPS, Memory};
 use host_sim::instrument::Instrument;
 use host_sim::reconstructor::Reconstructor;
 
@@ -9,7 +9,9 @@ fn campaign(seed: u64, faults: u32) -> String {
     let mut instrument = Instrument::standard().expect("valid");
     instrument.safety.safe_frames = 30;
     let reconstructor = Reconstructor::new(&instrument).expect("valid");
-    let mut campaign = FaultCampaign::new(&instrument, &reconstructor, seed).expect("a board");
+    let mut memory = Memory::default();
+    let mut campaign =
+        FaultCampaign::new(&mut memory, &instrument, &reconstructor, seed).expect("a board");
     let mut met = vec![];
     for _ in 0..faults {
         met.push(campaign.step().expect("what must hold"));

@@ -3,7 +3,7 @@
 use super::{output, progress};
 use crate::cli::FaultsArgs;
 use crate::error::Error;
-use crate::fault_campaign::{FaultCampaign, Line};
+use crate::fault_campaign::{FaultCampaign, Line, Memory};
 use crate::instrument::Instrument;
 use crate::reconstructor::Reconstructor;
 use serde::Serialize;
@@ -36,8 +36,9 @@ pub fn run(args: &FaultsArgs) -> Result<(), Error> {
     let directory = output::directory(args.output.out.as_deref(), "faults")?;
 
     let start = Instant::now();
+    let mut memory = Memory::default();
     let bar = progress::bar(args.count, "faults", "faults");
-    let mut campaign = FaultCampaign::new(&instrument, &reconstructor, args.seed)?;
+    let mut campaign = FaultCampaign::new(&mut memory, &instrument, &reconstructor, args.seed)?;
     for _ in 0..args.count {
         campaign.step()?;
         bar.inc(1);

@@ -40,12 +40,24 @@ pub enum Mishap {
     HighVoltage,
     /// An operator asks for anything, sensible or not.
     Commands,
+    /// Bytes on the link that are no message.
+    Garbage,
+    /// A message that is cut short, with the next one behind it.
+    Truncated,
+    /// A message that comes twice.
+    Replayed,
+    /// Another configuration, uploaded and switched to: no fault, and no frame may miss it.
+    Upload,
+    /// An upload with a wrong byte, or one that ends early and is switched to all the same.
+    BrokenUpload,
+    /// A store of what runs, and a power cut in it.
+    StoreCut,
     /// The program panics: the mirror is brought to flat, and everything starts anew.
     Crash,
 }
 
 /// All kinds.
-pub const MISHAPS: [Mishap; 18] = [
+pub const MISHAPS: [Mishap; 24] = [
     Mishap::Dropped,
     Mishap::Skipped,
     Mishap::Short,
@@ -63,5 +75,11 @@ pub const MISHAPS: [Mishap; 18] = [
     Mishap::LaserPermit,
     Mishap::HighVoltage,
     Mishap::Commands,
+    Mishap::Garbage,
+    Mishap::Truncated,
+    Mishap::Replayed,
+    Mishap::Upload,
+    Mishap::BrokenUpload,
+    Mishap::StoreCut,
     Mishap::Crash,
 ];
