@@ -3,6 +3,8 @@
 mod campaign;
 pub mod closed_loop;
 pub mod config;
+pub mod endure;
+pub mod faults;
 pub mod frames;
 mod output;
 pub mod profile;
