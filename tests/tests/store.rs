@@ -83,7 +83,8 @@ fn every_cut<const WORD: usize>(stride: usize) {
         assert_eq!(found, Ok(before), "cut in step {first}");
 
         for second in (first % stride..steps).step_by(stride) {
-            let again = Nor::<WORD> { steps: Some(second), taken: 0, ..flash.clone() };
+            let mut again = flash.clone();
+            (again.steps, again.taken) = (Some(second), 0);
             let mut store = Store::new(again);
             assert!(store.store(&configs[3]).is_err());
             let mut again = store.into_inner();
