@@ -5,6 +5,7 @@
 //! zeros behind their end.
 
 mod link;
+mod modes;
 mod rows;
 mod upload;
 
@@ -12,8 +13,8 @@ mod upload;
 pub type Target = fn(&[u8]);
 
 /// All of them, by the names of their folders in `tests/fuzz/corpus`.
-pub const TARGETS: [(&str, Target); 3] =
-    [("link", link::run), ("rows", rows::run), ("upload", upload::run)];
+pub const TARGETS: [(&str, Target); 4] =
+    [("link", link::run), ("modes", modes::run), ("rows", rows::run), ("upload", upload::run)];
 
 /// The target of that name.
 ///

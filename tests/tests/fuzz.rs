@@ -119,6 +119,11 @@ fn link() {
 }
 
 #[test]
+fn modes() {
+    fuzz("modes", target("modes"), seconds());
+}
+
+#[test]
 fn rows() {
     fuzz("rows", target("rows"), seconds());
 }
@@ -132,5 +137,5 @@ fn upload() {
 fn every_target_is_run() {
     let mut names = TARGETS.map(|(name, _)| name);
     names.sort_unstable();
-    assert_eq!(names, ["link", "rows", "upload"]);
+    assert_eq!(names, ["link", "modes", "rows", "upload"]);
 }

@@ -13,7 +13,10 @@ const CELLS: usize = 16;
 const PIXELS: usize = CELLS * 16;
 /// Part of the stroke that an actuator may use, and move in a frame.
 const REACH: [f64; 2] = [0.25, 0.75];
-const SLEW: f64 = 1.0 / 64.0;
+pub(super) const SLEW: f64 = 1.0 / 64.0;
+
+/// Bit of an instrument's choice by which it has a slew limit.
+pub(super) const SLEWS: u8 = 32;
 
 /// Whatever comes, in whatever order: codes stay within limits and slew, move only when a frame says
 /// so, and every `finish` is counted once.
@@ -37,7 +40,7 @@ pub(super) fn run(bytes: &[u8]) {
 }
 
 /// 4 x 4 subapertures, windows of 4 x 4 pixels, by what `choice` says.
-fn instrument(choice: u8) -> Instrument {
+pub(super) fn instrument(choice: u8) -> Instrument {
     let mut instrument = Instrument::circle(4, 4);
     instrument.estimator = match choice & 3 {
         0 => Estimator::CentreOfGravity,
@@ -50,7 +53,7 @@ fn instrument(choice: u8) -> Instrument {
     instrument.flux_min_adu = Values::Uniform(1.0);
     let stroke_m = instrument.stroke_m;
     instrument.limits_m = Values::Uniform([REACH.map(|part| part * stroke_m); 3]);
-    instrument.slew_m_per_frame = (choice & 32 != 0).then_some(SLEW * stroke_m);
+    instrument.slew_m_per_frame = (choice & SLEWS != 0).then_some(SLEW * stroke_m);
     instrument.lever_arm = if choice & 64 == 0 { 1.0 } else { 1.9 };
     instrument
 }
@@ -160,7 +163,7 @@ fn row(bytes: &mut Bytes<'_>, width: u16) -> Vec<u16> {
     row
 }
 
-fn measurement(bytes: &mut Bytes<'_>) -> Measurement {
+pub(super) fn measurement(bytes: &mut Bytes<'_>) -> Measurement {
     let centroid_q16 = [(); 2].map(|()| bytes.u32() as i32);
     Measurement { centroid_q16, flux: bytes.u32(), peak: bytes.u16(), saturated: bytes.u16() }
 }
