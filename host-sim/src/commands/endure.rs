@@ -13,7 +13,7 @@ use serde::Serialize;
 use std::time::{Duration, Instant};
 
 /// Points of the series, at most.
-const POINTS: u64 = 1000;
+const POINTS: u64 = 400;
 
 /// The JSON of `host-sim endure`.
 #[derive(Debug, Serialize)]
