@@ -14,7 +14,7 @@ use splash_firmware::telemetry::Ring;
 use splash_server::{NoFlash, Port, controller, serve};
 use std::collections::VecDeque;
 use std::fs::File;
-use std::io::{Error, ErrorKind, Read, Write};
+use std::io::{Error, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::{Arc, Mutex};
@@ -448,25 +448,32 @@ fn a_board_on_a_serial_line_is_calibrated() {
     assert_eq!(status["mode"], "closed loop");
 }
 
-/// Nobody, someone who talks nonsense, and someone who hangs up.
+/// Has nobody at the other end of the line.
+fn silent(_: &mut File) -> Result<(), Error> {
+    std::thread::sleep(BOUND);
+    Ok(())
+}
+
+/// Talks nonsense.
+fn babbling(line: &mut File) -> Result<(), Error> {
+    loop {
+        line.write_all(&[1, 2, 3, 0])?;
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// Hangs up when it is spoken to.
+fn leaving(line: &mut File) -> Result<(), Error> {
+    line.read_exact(&mut [0; 4])
+}
+
 #[test]
 fn a_line_without_a_board_ends_in_bounded_time() {
-    let cases: [(fn(&mut File) -> Result<(), Error>, &str); 3] = [
-        (|_| Ok(std::thread::sleep(BOUND)), "no answer within 1 s, when it was asked what it is"),
-        (
-            |line| loop {
-                line.write_all(&[1, 2, 3, 0])?;
-                std::thread::sleep(Duration::from_millis(20));
-            },
-            "messages that cannot be read, when it was asked what it is",
-        ),
-        (
-            |line| {
-                line.read_exact(&mut [0; 4])?;
-                Err(ErrorKind::Other.into())
-            },
-            "it closed the link, when it was asked what it is",
-        ),
+    type Manner = fn(&mut File) -> Result<(), Error>;
+    let cases: [(Manner, &str); 3] = [
+        (silent, "no answer within 1 s, when it was asked what it is"),
+        (babbling, "messages that cannot be read, when it was asked what it is"),
+        (leaving, "it closed the link, when it was asked what it is"),
     ];
     for (manner, expected) in cases {
         let (mut master, name) = terminal();

@@ -45,6 +45,61 @@ const NOISE_MAX: f64 = 5.0;
 /// A pixel answers light at least by this share of the median, and at most by its inverse.
 const RESPONSE_MIN: f64 = 0.25;
 
+/// What is not as a working instrument has it.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum NotAsItShouldBe {
+    /// Flats without light.
+    #[error("calibration: flats: median signal = {adu} ADU: must be at least 1")]
+    Flats {
+        /// What they have above the darks.
+        adu: f64,
+    },
+    /// A window without a spot.
+    #[error("calibration: window {window}: flux = 0: must be above 0 with the mirror flat")]
+    Unlit {
+        /// Which, in the description's order.
+        window: usize,
+    },
+    /// No spot moves with a segment as its own would.
+    #[error(
+        "calibration: segment {segment}: motion of spot {} = {} px: must be at least {CONTRAST_MIN} \
+         times that of spot {}, {} px", spots[0], moved[0], spots[1], moved[1]
+    )]
+    Unclear {
+        /// The segment.
+        segment: usize,
+        /// The two spots that move most.
+        spots: [usize; 2],
+        /// By how much, px.
+        moved: [f64; 2],
+    },
+    /// A spot moves with two segments.
+    #[error(
+        "calibration: window {window}: its spot follows segments {} and {}: must be one", segments[0],
+        segments[1]
+    )]
+    Shared {
+        /// Which.
+        window: usize,
+        /// Both.
+        segments: [usize; 2],
+    },
+    /// The gains do not explain the pokes.
+    #[error(
+        "calibration: quality = {quality}: must be at least {QUALITY_MIN} of the pokes' variance"
+    )]
+    Quality {
+        /// What they explain.
+        quality: f64,
+    },
+}
+
+impl From<NotAsItShouldBe> for Error {
+    fn from(found: NotAsItShouldBe) -> Self {
+        Self::Run(found.to_string())
+    }
+}
+
 /// How much is averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Effort {
@@ -216,9 +271,8 @@ fn pixels(
     // A pixel that never changes has the noise of its rounding.
     let noise_adu: Vec<f64> = dark_variance.iter().map(|v| v.max(1.0 / 12.0).sqrt()).collect();
     let (usual, usual_noise) = (median(&signal), median(&noise_adu));
-    if !(usual >= 1.0) {
-        let limit = "at least 1 ADU: flats need light";
-        return Err(Error::Run(format!("calibration: signal of the flats = {usual} ADU: {limit}")));
+    if usual.is_nan() || usual < 1.0 {
+        return Err(NotAsItShouldBe::Flats { adu: usual }.into());
     }
     let top = f64::from((1u32 << instrument.detector.bits) - 1);
     let is_bad = |i: usize| {
@@ -332,10 +386,7 @@ impl<'a> Bench<'a> {
                 last = Some(frame);
                 for (j, (sum, measurement)) in sums.iter_mut().zip(measurements).enumerate() {
                     if measurement.flux == 0 {
-                        let what = "must have light: see windows, laser and detector";
-                        return Err(Error::Run(format!(
-                            "calibration: window {j}: flux = 0: {what}"
-                        )));
+                        return Err(NotAsItShouldBe::Unlit { window: j }.into());
                     }
                     for (sum, q16) in sum.iter_mut().zip(measurement.centroid_q16) {
                         let centroid = f64::from(q16) * px;
@@ -391,10 +442,7 @@ impl<'a> Bench<'a> {
         let mut seen = vec![None; self.count];
         for (i, &j) in windows.iter().enumerate() {
             if let Some(other) = seen[j].replace(i) {
-                let what = "must be one";
-                return Err(Error::Run(format!(
-                    "calibration: window {j}: segments that its spot follows = {other} and {i}: {what}"
-                )));
+                return Err(NotAsItShouldBe::Shared { window: j, segments: [other, i] }.into());
             }
         }
         let pistons = (self.count * self.count) as f64;
@@ -419,11 +467,11 @@ fn follower(i: usize, [x, y]: &[[Vec<[f64; 2]>; 2]; 2]) -> Result<usize, Error> 
     order.sort_by(|a, b| b.0.total_cmp(&a.0));
     match order[..] {
         [(most, j), (next, _), ..] if most >= CONTRAST_MIN * next => Ok(j),
-        [(most, j), (next, k), ..] => Err(Error::Run(format!(
-            "calibration: segment {i}: motion of spot {j} = {most} px: must be at least \
-             {CONTRAST_MIN} times that of spot {k}, {next} px"
-        ))),
-        _ => Err(Error::Run(format!("calibration: segment {i}: no spots"))),
+        [(most, spot), (next, other), ..] => {
+            let (segment, moved) = (i, [most, next]);
+            Err(NotAsItShouldBe::Unclear { segment, spots: [spot, other], moved }.into())
+        }
+        _ => Err(NotAsItShouldBe::Unlit { window: i }.into()),
     }
 }
 
@@ -469,10 +517,8 @@ fn fit(windows: &[usize], tilts: &Tilts, poke_m: f64) -> Result<Gains, Error> {
         responses.push(response);
     }
     let quality = 1.0 - left / all;
-    if !(quality >= QUALITY_MIN) {
-        return Err(Error::Run(format!(
-            "calibration: quality = {quality}: must be at least {QUALITY_MIN} of the pokes' variance"
-        )));
+    if quality.is_nan() || quality < QUALITY_MIN {
+        return Err(NotAsItShouldBe::Quality { quality }.into());
     }
     Ok(Gains { responses, quality })
 }

@@ -1,7 +1,7 @@
 //! The server of the emulated boards, in a thread of this process.
 
 use super::transport::{DetectorPort, Failure, Transport, wait};
-use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+use crate::nor_flash::{Nor, PAGE};
 use rustix::event::PollFlags;
 use splash_firmware::banks::Banks;
 use splash_firmware::config::Config;
@@ -15,6 +15,8 @@ use std::time::{Duration, Instant};
 
 /// Rows that are handed over at once, as on the emulated boards.
 const BLOCK: usize = 16;
+/// Bytes of the flash's words.
+const WORD: usize = 32;
 /// Stack of the thread: the largest board is made on it before it is boxed.
 const STACK: usize = 256 << 20;
 
@@ -42,7 +44,7 @@ impl Threaded {
             frame: Vec::new(),
             read: 0,
             width: 1,
-            flash: Ram::default(),
+            flash: Nor::new(0, 0, true),
         };
         // Of telemetry, what a frame leaves.
         let run: fn(Here) = match (across, pixels) {
@@ -57,7 +59,10 @@ impl Threaded {
 
 /// Serves until the link ends.
 fn run<const M: usize, const P: usize, const B: usize, const R: usize>(mut port: Here) {
-    port.flash.0.resize(2 * Ram::slot(M, P), u8::MAX);
+    // A slot for the largest image: at most 5 bytes a window pixel, and less than 256 for each record of
+    // a cell.
+    let pages = (5 * P + 512 * M).div_ceil(PAGE) + 1;
+    port.flash = Nor::new(2 * pages, 0, true);
     let [mut running, mut other] = [(); 2].map(|()| Box::new(Config::<M, P, B>::new()));
     let (mut control, mut telemetry) = (Box::new(controller()), Box::new(Ring::<R>::new()));
     let banks = Banks::new(&mut running, &mut other);
@@ -122,12 +127,12 @@ struct Here {
     /// Pixels of it that were read.
     read: usize,
     width: usize,
-    flash: Ram,
+    flash: Nor<WORD>,
 }
 
 impl Port for Here {
     type Error = io::Error;
-    type Flash = Ram;
+    type Flash = Nor<WORD>;
 
     fn receive(&mut self, bytes: &mut [u8]) -> io::Result<()> {
         self.link.read_exact(bytes)
@@ -162,58 +167,9 @@ impl Port for Here {
         Stack { used: 0, reserved: STACK as u32 }
     }
 
-    fn flash(&mut self) -> Option<&mut Ram> {
+    fn flash(&mut self) -> Option<&mut Nor<WORD>> {
         Some(&mut self.flash)
     }
 
     fn mark() {}
-}
-
-/// The flash of a board here: memory that ends with it.
-#[derive(Default)]
-struct Ram(Vec<u8>);
-
-impl Ram {
-    /// Bytes of a slot for the largest image: at most 5 bytes a window pixel, and less than 256 for
-    /// each record of a cell.
-    const fn slot(cells: usize, pixels: usize) -> usize {
-        (5 * pixels + 512 * cells + 4096).next_multiple_of(Self::ERASE_SIZE)
-    }
-}
-
-impl ErrorType for Ram {
-    type Error = NorFlashErrorKind;
-}
-
-impl ReadNorFlash for Ram {
-    const READ_SIZE: usize = 1;
-
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
-        let from = self.0.get(offset as usize..).and_then(|rest| rest.get(..bytes.len()));
-        bytes.copy_from_slice(from.ok_or(NorFlashErrorKind::OutOfBounds)?);
-        Ok(())
-    }
-
-    fn capacity(&self) -> usize {
-        self.0.len()
-    }
-}
-
-impl NorFlash for Ram {
-    const WRITE_SIZE: usize = 1;
-    const ERASE_SIZE: usize = 1 << 14;
-
-    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
-        let range = self.0.get_mut(from as usize..to as usize);
-        range.ok_or(NorFlashErrorKind::OutOfBounds)?.fill(u8::MAX);
-        Ok(())
-    }
-
-    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
-        let places = self.0.get_mut(offset as usize..).and_then(|rest| rest.get_mut(..bytes.len()));
-        let places = places.ok_or(NorFlashErrorKind::OutOfBounds)?;
-        // Programming only clears bits.
-        places.iter_mut().zip(bytes).for_each(|(place, byte)| *place &= byte);
-        Ok(())
-    }
 }
