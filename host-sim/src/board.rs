@@ -17,11 +17,11 @@ pub mod program;
 pub mod qemu;
 pub mod remote;
 
-pub use in_process::{in_process, open};
+pub use in_process::{image, in_process, open};
 pub use log::Format;
 pub use program::BuildError;
 
-use process::Failure;
+use crate::link::Failure;
 use splash_firmware::centroid::Measurement;
 use splash_firmware::error::ConfigError;
 use splash_firmware::link::{Reason, Stack};

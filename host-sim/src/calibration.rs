@@ -163,7 +163,7 @@ impl SlopeCalibration {
 }
 
 /// Centre-to-edge optical path of a tilt that moves a spot by one pixel, m.
-fn path_m_per_px(instrument: &Instrument) -> f64 {
+pub(crate) fn path_m_per_px(instrument: &Instrument) -> f64 {
     instrument.laser.wavelength_m / (2.0 * instrument.windows.pixels_per_lambda_d)
 }
 

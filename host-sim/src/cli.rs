@@ -1,6 +1,7 @@
 //! The command line.
 
 mod layers;
+mod link;
 
 use crate::board::{self, Board, BoardError, Options};
 use crate::closed_loop::Sensing;
@@ -15,6 +16,8 @@ use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
 use splash_firmware::geometry::{MAX_ACROSS, MIN_ACROSS};
 use splash_firmware::spec::Spec;
 use std::path::PathBuf;
+
+pub use link::{Action, LinkArgs, Place};
 
 /// Simulates a SPLASH adaptive-optics system around the firmware library.
 ///
@@ -43,6 +46,8 @@ enum Command {
     Theory(TheoryArgs),
     /// Compares sensors over independent phase screens: the paper's Strehl ratios against D/r0.
     Strehl(StrehlArgs),
+    /// Operates a board over its link.
+    Link(LinkArgs),
     /// Makes the paper's figures, the error budget and a page that explains them.
     Reproduce(ReproduceArgs),
     /// Runs frames by the million on a quick sky, and looks after each at what must hold for ever.
@@ -569,14 +574,7 @@ impl Cli {
             if !error.use_stderr() {
                 error.exit();
             }
-            // Paragraphs: what is wrong, tips, usage, where to find help.
-            let text = error.render().to_string();
-            let text = text.strip_prefix("error: ").unwrap_or(&text);
-            let aside = |part: &&str| part.starts_with("Usage:") || part.starts_with("For more");
-            let one_line = |part: &str| part.split_whitespace().collect::<Vec<_>>().join(" ");
-            let parts = text.split("\n\n").filter(|part| !aside(part)).map(one_line);
-            let line = parts.collect::<Vec<_>>().join("; ");
-            Error::Config(format!("{line}; see host-sim --help"))
+            in_one_line(&error)
         })
     }
 
@@ -593,10 +591,22 @@ impl Cli {
             Some(Command::Profile(args)) => commands::profile::run(&args),
             Some(Command::Theory(args)) => commands::theory::run(&args),
             Some(Command::Strehl(args)) => commands::strehl::run(&args),
+            Some(Command::Link(args)) => commands::link::run(&args),
             Some(Command::Reproduce(args)) => commands::reproduce::run(&args),
             Some(Command::Endure(args)) => commands::endure::run(&args),
             Some(Command::Faults(args)) => commands::faults::run(&args),
             Some(Command::Config) => commands::config::run(),
         }
     }
+}
+
+/// What is wrong with some arguments: paragraphs with what is wrong, tips, usage, where to find help.
+fn in_one_line(error: &clap::Error) -> Error {
+    let text = error.render().to_string();
+    let text = text.strip_prefix("error: ").unwrap_or(&text);
+    let aside = |part: &&str| part.starts_with("Usage:") || part.starts_with("For more");
+    let one_line = |part: &str| part.split_whitespace().collect::<Vec<_>>().join(" ");
+    let parts = text.split("\n\n").filter(|part| !aside(part)).map(one_line);
+    let line = parts.collect::<Vec<_>>().join("; ");
+    Error::Config(format!("{line}; see host-sim --help"))
 }

@@ -10,6 +10,7 @@
 //! | [`calibration`] | reference slopes and slope gains, from a flat mirror and pokes |
 //! | [`reconstructor`] | the firmware's configuration for an instrument |
 //! | [`board`] | where the firmware library runs |
+//! | [`link`] | what an operator does with a board over its link |
 //! | [`mirror`] | DAC codes to the shape of the segments |
 //! | [`profile`] | what a frame costs on a board |
 //! | [`nor_flash`] | a flash device, and what a power cut does to it |
@@ -37,6 +38,7 @@ pub mod figures;
 pub mod files;
 pub mod imager;
 pub mod instrument;
+pub mod link;
 pub mod mirror;
 pub mod monte_carlo;
 pub mod nor_flash;

@@ -34,6 +34,19 @@ pub struct Reconstructor {
     slopes: SlopeCalibration,
 }
 
+/// What is known of each pixel, row-major.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PixelMaps {
+    /// Mean without light, ADU.
+    pub dark_adu: Vec<f64>,
+    /// Calibrated ADU per raw ADU above dark.
+    pub gain: Vec<f64>,
+    /// Rms without light, ADU.
+    pub noise_adu: Vec<f64>,
+    /// Pixels not to be used, column and row, by row and then column.
+    pub bad: Vec<[u16; 2]>,
+}
+
 impl Reconstructor {
     /// Calibrates the instrument's detector; slopes are those of an ideal sensor.
     ///
@@ -93,6 +106,19 @@ impl Reconstructor {
     /// The mask of subapertures.
     pub fn mask(&self) -> &Mask {
         &self.mask
+    }
+
+    /// With these maps of the detector in place of those of its description.
+    #[must_use]
+    pub fn with_pixels(self, maps: PixelMaps) -> Self {
+        let PixelMaps { dark_adu, gain, noise_adu, bad } = maps;
+        Self { dark_adu, gain, noise_adu, bad, ..self }
+    }
+
+    /// With each subaperture's window there.
+    #[must_use]
+    pub fn with_origins(self, origins: Vec<[u16; 2]>) -> Self {
+        Self { origins, ..self }
     }
 
     /// With these reference slopes and gains.

@@ -136,6 +136,14 @@ pub enum Request {
     Transitions,
     /// What an operator asks of the controller. Answered by [`Response::Ready`].
     Command(Command),
+    /// Raw pixels of a row of the next frame: as many as fit into a piece. Answered, behind that frame,
+    /// by [`Response::Pixels`].
+    Pixels {
+        /// The row.
+        row: u16,
+        /// Column of the first.
+        first: u16,
+    },
 }
 
 /// What a board answers.
@@ -222,6 +230,13 @@ pub enum Response {
         first: u16,
         /// With why and when they were.
         items: heapless::Vec<Transition, HISTORY>,
+    },
+    /// Raw pixels of a row.
+    Pixels {
+        /// The frame they are of.
+        frame: u32,
+        /// ADU, u16 little-endian.
+        bytes: heapless::Vec<u8, PIECE>,
     },
 }
 

@@ -1,7 +1,7 @@
 //! The soft core: Ibex in a system of its own, simulated at register-transfer level.
 
 use super::log::Format;
-use super::process::Emulator;
+use super::process::{Emulator, Process};
 use super::remote::Remote;
 use super::{BoardError, Options, program};
 use splash_firmware::spec::Spec;
@@ -15,6 +15,14 @@ const TARGET: &str = "riscv32imc-unknown-none-elf";
 /// The simulator, and what builds it unless it is up to date, from the top of the source tree.
 const SIMULATOR: &str = "target/ibex/sim";
 const BUILD: &str = "firmware/boards/ibex/sim/build";
+
+/// Starts it without a configuration.
+///
+/// # Errors
+/// [`BoardError`].
+pub fn start(options: Options) -> Result<Process, BoardError> {
+    emulator()?.start(options.patience)
+}
 
 /// Starts it with the configuration of `spec`.
 ///

@@ -1,6 +1,7 @@
 //! The library in this process.
 
 use super::{Board, BoardError, Frame, Options};
+use splash_firmware::calibration::Step;
 use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;
 use splash_firmware::error::ConfigError;
@@ -72,6 +73,22 @@ pub fn open(spec: &Spec<'_>, options: Options) -> Result<Box<dyn Board + Send>, 
 pub(super) trait Local: Board {
     /// The image of its configuration.
     fn image(&self) -> Vec<u8>;
+
+    /// Records that it was calibrated.
+    fn set_calibrated(&mut self, steps: &[Step], quality_q16: u16);
+}
+
+/// The image of a configuration that a board can load, with the record of these steps of a
+/// calibration and its quality.
+///
+/// # Errors
+/// The [`ConfigError`] of the library.
+pub fn image(spec: &Spec<'_>, steps: &[Step], quality_q16: u16) -> Result<Vec<u8>, ConfigError> {
+    let mut board = local(spec, Options::default())?;
+    if !steps.is_empty() {
+        board.set_calibrated(steps, quality_q16);
+    }
+    Ok(board.image())
 }
 
 pub(super) fn local(
@@ -114,6 +131,10 @@ impl<const M: usize, const P: usize, const B: usize> Local for InProcess<M, P, B
         let mut image = Vec::new();
         self.config.save(&mut |piece| image.extend_from_slice(piece));
         image
+    }
+
+    fn set_calibrated(&mut self, steps: &[Step], quality_q16: u16) {
+        self.config.set_calibrated(steps, quality_q16);
     }
 }
 

@@ -13,9 +13,9 @@
 
 use super::BoardError;
 use super::log::{Format, Log};
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use crate::link::transport::{DetectorPort, Failure, Transport, wait};
+use rustix::event::PollFlags;
 use rustix::fs::{CWD, Mode, OFlags, mkfifoat};
-use splash_firmware::link::LinkError;
 use std::ffi::OsString;
 use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind, Read, Write};
@@ -26,36 +26,8 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// How often a wait looks whether the program still lives.
-const LOOK: Duration = Duration::from_millis(20);
 /// What a program gets to end by itself once its link has ended.
 const FAREWELL: Duration = Duration::from_millis(500);
-
-/// What a board's process did in place of answering.
-#[derive(Debug, thiserror::Error)]
-pub enum Failure {
-    /// It said nothing, or did not finish.
-    #[error("no answer within {} s", patience.as_secs_f64())]
-    Silent {
-        /// How long it had.
-        patience: Duration,
-    },
-    /// It ended.
-    #[error("its program ended ({0})")]
-    Ended(ExitStatus),
-    /// It closed its end of the link and lives on.
-    #[error("its program closed the link")]
-    Closed,
-    /// What came is not a message.
-    #[error("it sent a {0}")]
-    Link(#[from] LinkError),
-    /// It answered something else.
-    #[error("it answered with {0}")]
-    Answer(String),
-    /// A pipe or a process failed here.
-    #[error("{0}")]
-    System(#[from] io::Error),
-}
 
 /// A program to be run as a board.
 #[derive(Clone, Debug)]
@@ -68,17 +40,8 @@ pub struct Emulator {
     pub log: Format,
 }
 
-/// Where bytes go.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Pipe {
-    /// Requests.
-    Link,
-    /// Pixels.
-    Detector,
-}
-
 /// A running emulator.
-pub(super) struct Process {
+pub struct Process {
     patience: Duration,
     guard: Child,
     /// `None` once the link was ended.
@@ -88,9 +51,19 @@ pub(super) struct Process {
     directory: TempDir,
 }
 
+impl Emulator {
+    /// Starts it.
+    ///
+    /// # Errors
+    /// [`BoardError::Process`].
+    pub fn start(&self, patience: Duration) -> Result<Process, BoardError> {
+        Process::start(self, patience).map_err(failed(self.board, "when it was started"))
+    }
+}
+
 impl Process {
     /// Makes the pipes and starts the program.
-    pub(super) fn start(emulator: &Emulator, patience: Duration) -> Result<Self, Failure> {
+    fn start(emulator: &Emulator, patience: Duration) -> Result<Self, Failure> {
         let directory = tempfile::Builder::new().prefix("splash-").tempdir()?;
         let path = |name: &str| directory.path().join(name);
         for name in ["link.in", "link.out", "detector"] {
@@ -123,24 +96,15 @@ impl Process {
         self.directory.path()
     }
 
-    /// When the program is to have answered what it is asked now.
-    pub(super) fn deadline(&self) -> Instant {
-        Instant::now() + self.patience
-    }
-
     /// Writes all of `bytes`.
-    pub(super) fn send(
+    fn write(
         &mut self,
-        pipe: Pipe,
+        pipe: fn(&(File, File)) -> &File,
         mut bytes: &[u8],
         deadline: Instant,
     ) -> Result<(), Failure> {
         while !bytes.is_empty() {
-            let Some((requests, detector)) = &self.link else { return Err(Failure::Closed) };
-            let mut file = match pipe {
-                Pipe::Link => requests,
-                Pipe::Detector => detector,
-            };
+            let mut file = pipe(self.link.as_ref().ok_or(Failure::Closed)?);
             match file.write(bytes) {
                 Ok(written) => bytes = bytes.get(written..).unwrap_or_default(),
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
@@ -152,31 +116,6 @@ impl Process {
             }
         }
         Ok(())
-    }
-
-    /// Reads what has come: at least one byte.
-    pub(super) fn receive(
-        &mut self,
-        bytes: &mut [u8],
-        deadline: Instant,
-    ) -> Result<usize, Failure> {
-        loop {
-            // A pipe that nobody has opened yet would look like one that has ended.
-            let ready = wait(&self.answers, PollFlags::IN)?;
-            match self.answers.read(bytes) {
-                Ok(0) if ready.contains(PollFlags::HUP) => return Err(self.hung_up()),
-                Ok(0) => self.check(deadline)?,
-                Ok(read) => return Ok(read),
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if error.kind() == ErrorKind::WouldBlock => self.check(deadline)?,
-                Err(error) => return Err(error.into()),
-            }
-        }
-    }
-
-    /// Shows what the program has logged.
-    pub(super) fn show_log(&mut self) {
-        self.log.show();
     }
 
     fn check(&mut self, deadline: Instant) -> Result<(), Failure> {
@@ -207,6 +146,46 @@ impl Process {
     }
 }
 
+impl Transport for Process {
+    fn patience(&self) -> Duration {
+        self.patience
+    }
+
+    fn send(&mut self, bytes: &[u8], deadline: Instant) -> Result<(), Failure> {
+        self.write(|(requests, _)| requests, bytes, deadline)
+    }
+
+    fn receive(&mut self, bytes: &mut [u8], deadline: Instant) -> Result<usize, Failure> {
+        loop {
+            // A pipe that nobody has opened yet would look like one that has ended.
+            let ready = wait(&self.answers, PollFlags::IN)?;
+            match self.answers.read(bytes) {
+                Ok(0) if ready.contains(PollFlags::HUP) => return Err(self.hung_up()),
+                Ok(0) => self.check(deadline)?,
+                Ok(read) => return Ok(read),
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => self.check(deadline)?,
+                Err(error) => return Err(error.into()),
+            }
+        }
+    }
+
+    fn detector(&mut self) -> Option<&mut dyn DetectorPort> {
+        Some(self)
+    }
+
+    fn show_log(&mut self) {
+        self.log.show();
+    }
+}
+
+impl DetectorPort for Process {
+    fn pixels(&mut self, pixels: &[u16], deadline: Instant) -> Result<(), Failure> {
+        let bytes: Vec<u8> = pixels.iter().flat_map(|pixel| pixel.to_le_bytes()).collect();
+        self.write(|(_, detector)| detector, &bytes, deadline)
+    }
+}
+
 impl Drop for Process {
     /// Ends the link, and if the program does not follow, the program.
     fn drop(&mut self) {
@@ -219,16 +198,6 @@ impl Drop for Process {
             let _ = self.guard.kill();
             let _ = self.guard.wait();
         }
-    }
-}
-
-/// Waits until a pipe is ready, or it is time to look around.
-fn wait(file: &File, flags: PollFlags) -> Result<PollFlags, Failure> {
-    let mut fds = [PollFd::new(file, flags)];
-    let look = Timespec { tv_sec: 0, tv_nsec: LOOK.subsec_nanos().into() };
-    match poll(&mut fds, Some(&look)) {
-        Ok(_) | Err(rustix::io::Errno::INTR) => Ok(fds[0].revents()),
-        Err(error) => Err(io::Error::from(error).into()),
     }
 }
 

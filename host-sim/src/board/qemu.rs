@@ -1,7 +1,7 @@
 //! The Cortex-M7 that QEMU emulates, as MPS2 board with the AN500 image.
 
 use super::log::Format;
-use super::process::Emulator;
+use super::process::{Emulator, Process};
 use super::remote::{MARKS, Remote};
 use super::{BoardError, BuildError, Options, program};
 use splash_firmware::spec::Spec;
@@ -15,6 +15,14 @@ const NAME: &str = "qemu";
 const FOLDER: &str = "mps2-an500";
 const TARGET: &str = "thumbv7em-none-eabihf";
 const QEMU: &str = "qemu-system-arm";
+
+/// Starts it without a configuration.
+///
+/// # Errors
+/// [`BoardError`].
+pub fn start(options: Options) -> Result<Process, BoardError> {
+    emulator(options)?.start(options.patience)
+}
 
 /// Starts it with the configuration of `spec`.
 ///

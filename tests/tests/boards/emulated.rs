@@ -29,7 +29,7 @@ fn board(open: Open, spec: &Spec<'_>, options: Options) -> Option<Remote> {
     or_skip(open(spec, options))
 }
 
-fn or_skip<T>(made: Result<T, BoardError>) -> Option<T> {
+pub(super) fn or_skip<T>(made: Result<T, BoardError>) -> Option<T> {
     match made {
         Ok(made) => Some(made),
         Err(error @ (BoardError::Missing { .. } | BoardError::Build { .. }))

@@ -3,6 +3,7 @@
 
 mod commands;
 mod emulated;
+mod operator;
 mod parameters;
 mod processes;
 mod server;

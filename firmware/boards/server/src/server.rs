@@ -58,6 +58,7 @@ pub fn serve<T: Port, const M: usize, const P: usize, const B: usize, const R: u
         last: None,
         controlled: false,
         ticks: 0,
+        wanted: None,
     };
     let mut receiver = Receiver::new();
     let mut next = None;
@@ -136,6 +137,30 @@ struct Server<'a, const M: usize, const P: usize, const B: usize, const R: usize
     controlled: bool,
     /// The clock, at the start of the last frame.
     ticks: u64,
+    wanted: Option<Wanted>,
+}
+
+/// Raw pixels that were asked for.
+struct Wanted {
+    /// Number of the request.
+    sequence: u16,
+    row: usize,
+    /// Column of the first.
+    first: usize,
+    /// Empty before the row has come.
+    bytes: heapless::Vec<u8, PIECE>,
+}
+
+impl Wanted {
+    /// Looks for the row among those from `start` on.
+    fn look(&mut self, rows: &[u16], start: usize, width: usize) {
+        let row = self.row.checked_sub(start).and_then(|row| rows.chunks(width).nth(row));
+        let pixels = row.and_then(|row| row.get(self.first..)).unwrap_or_default();
+        for byte in pixels.iter().take(PIECE / 2).flat_map(|pixel| pixel.to_le_bytes()) {
+            // As many as there is room for.
+            let _ = self.bytes.push(byte);
+        }
+    }
 }
 
 impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, M, P, B, R> {
@@ -215,6 +240,22 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
                 let last = self.controller.modes().last().copied();
                 out.history(last, |first, items| Response::Transitions { first, items })?;
                 out.send(Response::Ready)?;
+            }
+            Request::Pixels { row, first } => {
+                let config = self.banks.running();
+                let place = |found: u16, entries: u16| Reason::Place {
+                    found: found.into(),
+                    entries: entries.into(),
+                };
+                if row >= config.height() {
+                    out.send(refused(place(row, config.height())))?;
+                } else if first >= config.width() {
+                    out.send(refused(place(first, config.width())))?;
+                } else {
+                    let (sequence, bytes) = (request.sequence, heapless::Vec::new());
+                    let (row, first) = (row.into(), first.into());
+                    self.wanted = Some(Wanted { sequence, row, first, bytes });
+                }
             }
             other => {
                 let answer = parameters::draft(&mut self.banks.draft, &other)
@@ -376,9 +417,13 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
         self.begin::<T>(number);
         let width = usize::from(self.banks.running().width()).max(1);
         port.expose(pixels, width)?;
-        let mut read = Ok(());
+        let (mut read, mut start) = (Ok(()), 0);
         while let Some(rows) = port.rows()? {
             let count = rows.len().div_ceil(width) as u16;
+            if let Some(wanted) = &mut self.wanted {
+                wanted.look(rows, start, width);
+            }
+            start += usize::from(count);
             if read.is_ok() {
                 T::mark();
                 let pushed = self.controller.push_rows(self.banks.running(), rows, count);
@@ -429,6 +474,10 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
         let stamp = Stamp { configuration: self.banks.hash(), cycles: Cycles::default() };
         self.telemetry.fill(self.controller.pipeline(), &result, &stamp);
         self.last = Some(result);
+        if let Some(Wanted { sequence, bytes, .. }) = self.wanted.take_if(|w| !w.bytes.is_empty()) {
+            let frame = result.report.frame;
+            Outbox { port: &mut *out.port, sequence }.send(Response::Pixels { frame, bytes })?;
+        }
         self.state(out)?;
         let pipeline = self.controller.pipeline();
         out.list(pipeline.measurements(), |first, items| Response::Measurements { first, items })?;

@@ -109,7 +109,12 @@ impl Header {
     pub(super) fn render(&self, bytes: &mut Vec<u8>) -> Result<(), (String, &'static str)> {
         for (keyword, value, comment) in &self.cards {
             let reason = |reason| (keyword.clone(), reason);
-            if RESERVED.contains(&keyword.as_str()) || keyword.starts_with("NAXIS") {
+            let of_columns = ["TFIELDS", "TTYPE", "TFORM", "TUNIT", "TSCAL", "TZERO"];
+            let reserved = |start: &&str| keyword.starts_with(*start);
+            if RESERVED.contains(&keyword.as_str())
+                || keyword.starts_with("NAXIS")
+                || of_columns.iter().any(reserved)
+            {
                 return Err(reason("it describes the array and is set by the writer"));
             }
             check(keyword, value, comment).map_err(reason)?;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::checksum::{self, Sum};
 use super::header::{Value, render_card};
+use super::table::{self, Column};
 use super::{BLOCK, FitsError, Header, Sample, padding};
 
 /// Writes a FITS file, array after array; the first one becomes the primary array.
@@ -56,6 +57,8 @@ struct OpenArray {
     /// BITPIX, BZERO.
     kind: (i64, Option<i64>),
     shape: Vec<usize>,
+    /// The cards of a table's columns; `None` for an image.
+    columns: Option<Vec<u8>>,
     name: String,
     /// The caller's cards, as they stand in the file.
     cards: Vec<u8>,
@@ -88,8 +91,34 @@ impl FitsWriter {
         header: &Header,
         data: &[T],
     ) -> Result<(), FitsError> {
-        let mut array = self.begin::<T>(name, shape, header)?;
+        let mut array = self.begin::<T>(name, shape, header, None)?;
         self.append(&mut array, shape.iter().product(), data)?;
+        self.end(array)
+    }
+
+    /// Writes a table of `rows` rows, which may not be the first array of a file.
+    ///
+    /// # Errors
+    /// [`FitsError::Size`] if a column has not as many values for every row, [`FitsError::Card`] if a
+    /// name or a card cannot be written or the table is the first array, [`FitsError::Io`].
+    pub fn table(
+        &mut self,
+        name: &str,
+        rows: usize,
+        columns: &[Column<'_>],
+        header: &Header,
+    ) -> Result<(), FitsError> {
+        let (file, hdu) = (self.path.clone(), format!("table {name:?}"));
+        if self.arrays == 0 {
+            let (keyword, reason) = ("XTENSION".into(), "a table may not be the first array");
+            return Err(FitsError::Card { file, hdu, keyword, reason });
+        }
+        let table = table::Layout::new(rows, columns)
+            .map_err(|(expected, found)| FitsError::Size { file, hdu, expected, found })?;
+        let cards = table.cards();
+        let mut array = self.begin::<u8>(name, &[table.row_bytes(), rows], header, Some(cards))?;
+        let bytes = table.bytes();
+        self.append(&mut array, bytes.len(), &bytes)?;
         self.end(array)
     }
 
@@ -112,7 +141,7 @@ impl FitsWriter {
         frame: [usize; 2],
         header: &Header,
     ) -> Result<CubeWriter<T>, FitsError> {
-        let array = self.begin::<T>(name, &[frame[0], frame[1], 0], header)?;
+        let array = self.begin::<T>(name, &[frame[0], frame[1], 0], header, None)?;
         Ok(CubeWriter { file: self, array, frames: 0, _sample: PhantomData })
     }
 
@@ -130,6 +159,7 @@ impl FitsWriter {
         name: &str,
         shape: &[usize],
         header: &Header,
+        columns: Option<Vec<u8>>,
     ) -> Result<OpenArray, FitsError> {
         let hdu = format!("array {name:?}");
         let mut cards = Vec::new();
@@ -147,6 +177,7 @@ impl FitsWriter {
             start: self.io(start)?,
             kind: (T::BITPIX, T::BZERO),
             shape: shape.to_vec(),
+            columns,
             name: name.into(),
             cards,
             sum: Sum::default(),
@@ -234,6 +265,8 @@ impl OpenArray {
         };
         if primary {
             card("SIMPLE", true.into(), "conforms to the FITS standard");
+        } else if self.columns.is_some() {
+            card("XTENSION", "BINTABLE".into(), "table");
         } else {
             card("XTENSION", "IMAGE".into(), "image extension");
         }
@@ -253,7 +286,11 @@ impl OpenArray {
             card("BZERO", bzero.into(), "added to the stored numbers: unsigned");
             card("BSCALE", 1.into(), "");
         }
-        card("EXTNAME", self.name.as_str().into(), "name of this array");
+        if let Some(columns) = &self.columns {
+            bytes.extend(columns);
+        }
+        let name = self.name.as_str().into();
+        render_card("EXTNAME", &name, "name of this array", &mut bytes);
         bytes.extend(&self.cards);
 
         let data_sum = self.sum.value();
