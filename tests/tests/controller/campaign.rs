@@ -23,7 +23,7 @@ fn campaign(seed: u64) -> Vec<u8> {
         let anything = rng.bits() as i32;
         let before = rig.codes();
         let result = match rng.below(16) {
-            0 | 1 | 2 | 3 | 4 => Some(rig.frame(&frame(SHIFT))),
+            0..=4 => Some(rig.frame(&frame(SHIFT))),
             5 => Some(rig.frame(&frame(anything))),
             6 => Some(rig.frame(&dark())),
             7 => Some(rig.frame(&frame(0)[..(word % 16) as usize])),

@@ -6,6 +6,7 @@ use splash_firmware::fault::Fault;
 use splash_firmware::interlock::Outputs;
 use splash_firmware::mode::{MODES, Reason};
 use splash_firmware::segments::Position;
+use std::collections::hash_map::Entry;
 use std::collections::{BTreeSet, HashMap, VecDeque};
 
 /// Everything that can happen.
@@ -269,10 +270,8 @@ fn every_event_in_every_state_keeps_the_rules() {
             assert_eq!(counted, u32::from(refused), "{before:?}, {event:?}");
             steps += 1;
             seen.insert((format!("{:?}", before.mode), format!("{event:?}")));
-            if !ways.contains_key(&after) {
-                let mut on = way.clone();
-                on.push(event);
-                ways.insert(after, on);
+            if let Entry::Vacant(place) = ways.entry(after) {
+                place.insert(way.iter().copied().chain([event]).collect());
                 open.push_back(after);
             }
         }
