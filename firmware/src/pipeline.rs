@@ -329,6 +329,9 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     }
 
     /// A complete frame moves the mirror.
+    ///
+    /// Not inlined: a board may keep it in other memory than what decides on it.
+    #[inline(never)]
     pub(crate) fn follow<const P: usize>(
         &mut self,
         config: &Config<M, P, B>,
