@@ -173,6 +173,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     }
 
     /// Lets the flux limits of the frame that has begun be for `seen` of `asked` laser pulses.
+    #[inline(never)]
     pub(crate) fn scale_flux(&mut self, seen: u32, asked: u32) {
         let part = (u64::from(seen) << 16).checked_div(u64::from(asked));
         self.lacking_q16 =

@@ -15,7 +15,6 @@ use crate::gate::GateTimer;
 use crate::ring::{Complete, Fault, Ring};
 use crate::shape::{SLOTS, Shape};
 use heapless::spsc::{Consumer, Producer, Queue};
-use splash_firmware::fault::Fault as Booked;
 use splash_firmware::interlock::{Inputs, Outputs};
 use splash_firmware::telemetry;
 
@@ -328,16 +327,6 @@ impl<'q, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
             hardware.gate(timer);
             self.gate = Some(timer);
         }
-    }
-
-    #[cold]
-    fn astray(&mut self, fault: Fault, hardware: &mut impl Hardware) {
-        self.frames.fault(match fault {
-            Fault::Full => Booked::Deadline,
-            Fault::Late | Fault::Overrun | Fault::Astray => Booked::Readout,
-        });
-        let _ = self.ends.news.enqueue(News::Fault(fault));
-        self.restart(hardware);
     }
 
     pub(crate) fn restart(&mut self, hardware: &mut impl Hardware) {

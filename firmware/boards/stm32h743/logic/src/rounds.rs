@@ -5,6 +5,7 @@ use crate::clocks::CORE_HZ;
 use crate::dac_bus::DacBus;
 use crate::frame_loop::{Counter, FrameLoop, Record};
 use crate::queues::{FrameSide, Hardware, News};
+use crate::ring;
 use splash_firmware::fault::{Fault, Moment};
 use splash_firmware::gate::GateTiming;
 use splash_firmware::interlock::Times;
@@ -100,6 +101,18 @@ impl<D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
         if self.asked {
             self.tell();
         }
+    }
+
+    /// Books that the detector's readout was lost, and starts it again.
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn astray(&mut self, fault: ring::Fault, hardware: &mut impl Hardware) {
+        self.frames.fault(match fault {
+            ring::Fault::Full => Fault::Deadline,
+            ring::Fault::Late | ring::Fault::Overrun | ring::Fault::Astray => Fault::Readout,
+        });
+        let _ = self.ends.news.enqueue(News::Fault(fault));
+        self.restart(hardware);
     }
 
     /// The end of a run: all that has come is done.
