@@ -79,7 +79,9 @@ impl<D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
     fn overdue(&mut self) -> Option<Record> {
         let now = self.now();
         let due = self.due.filter(|due| *due <= now)?;
-        self.due = Some(due.wrapping_add(self.frame_cycles.max(1)));
+        let next = due.wrapping_add(self.frame_cycles.max(1));
+        // Where time has passed unseen, its frames are not missing one by one.
+        self.due = Some(if next > now { next } else { now.wrapping_add(self.frame_cycles) });
         if self.next > 0 {
             return self.end();
         }
