@@ -46,7 +46,7 @@ use crate::ladder::{Ladder, Rung};
 use crate::mirror::Serials;
 use crate::mode::{Conditions, Mode, Modes, Refusal};
 use crate::pipeline::{Measured, Pipeline};
-use crate::probe::Probe;
+use crate::probe::{Probe, Stage};
 use crate::quality::{self, Counted};
 use crate::report::{GlobalTilt, Hold, Progress, Report, RowError};
 use crate::segments::{ACTUATORS, Position};
@@ -245,13 +245,15 @@ impl<const M: usize, const B: usize> Controller<M, B> {
         self.pipeline.push_measurements(config, measurements)
     }
 
-    /// Ends the frame: the mirror takes a step, if the mode or the ladder wants one.
+    /// Ends the frame: the mirror takes a step, if the mode or the ladder wants one. `probe` is told of the
+    /// stages as by [`Pipeline::finish_probed`], of a frame that is not followed only of the first.
     pub fn finish<const P: usize>(
         &mut self,
         config: &Config<M, P, B>,
         probe: &mut impl Probe,
     ) -> FrameResult {
         let Measured { report, hold } = self.pipeline.measure(config);
+        probe.after(Stage::Slopes);
         if report.restarted {
             self.faults.book(Fault::FrameUnfinished, self.at);
         }
