@@ -355,6 +355,12 @@ impl<'a, const M: usize, const P: usize, const B: usize> Banks<'a, M, P, B> {
         self.hash
     }
 
+    /// Gives both banks back, the one that runs first.
+    #[must_use]
+    pub fn into_banks(self) -> [&'a mut Config<M, P, B>; 2] {
+        [self.running, self.draft.bank]
+    }
+
     /// Makes the other bank a copy of what runs.
     ///
     /// # Errors

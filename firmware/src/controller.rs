@@ -40,6 +40,7 @@
 use crate::centroid::Measurement;
 use crate::config::Config;
 use crate::fault::{Fault, Faults, Moment};
+use crate::frame_counter::{Counted, FrameCounter};
 use crate::gate::{Gate, GateStamp, Range, ShortFrame};
 use crate::interlock::{Inputs, Interlock, Outputs, Times};
 use crate::ladder::{Ladder, Rung};
@@ -47,7 +48,6 @@ use crate::mirror::Serials;
 use crate::mode::{Conditions, Mode, Modes, Refusal};
 use crate::pipeline::{Measured, Pipeline};
 use crate::probe::{Probe, Stage};
-use crate::quality::{self, Counted};
 use crate::report::{GlobalTilt, Hold, Progress, Report, RowError};
 use crate::segments::{ACTUATORS, Position};
 use serde::{Deserialize, Serialize};
@@ -127,8 +127,7 @@ pub struct Controller<const M: usize, const B: usize> {
     inputs: Inputs,
     gate: Gate,
     serials: Serials,
-    /// Number of the last frame.
-    last: Option<u32>,
+    numbers: FrameCounter,
     /// Of the frame being read: when, through which gate, and what its number says.
     at: Moment,
     stamp: GateStamp,
@@ -151,7 +150,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
             inputs: Inputs { laser_permit: false, high_voltage_ready: false },
             gate: Gate::new(ticks_per_second),
             serials,
-            last: None,
+            numbers: FrameCounter::new(),
             at: Moment { frame: 0, ticks: 0 },
             stamp: GateStamp {
                 range: Range { altitude_mm: 0, depth_mm: 0, zenith_mdeg: 0 },
@@ -172,9 +171,8 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     /// begins.
     pub fn begin<const P: usize>(&mut self, config: &Config<M, P, B>, start: Start) {
         let Start { number, pulses, ticks } = start;
-        let passed = self.last.replace(number);
         self.at = Moment { frame: number, ticks };
-        self.counter = match quality::counter(passed, number) {
+        self.counter = match self.numbers.count(number) {
             Counted::Next { missing } => {
                 self.missed(config, number, missing);
                 None
@@ -269,8 +267,8 @@ impl<const M: usize, const B: usize> Controller<M, B> {
 
     /// A frame's time has passed without a frame.
     pub fn missing<const P: usize>(&mut self, config: &Config<M, P, B>, ticks: u64) -> FrameResult {
-        let number = self.last.map_or(0, |last| last.wrapping_add(1));
-        self.last = Some(number);
+        let number = self.numbers.due();
+        self.numbers.skip();
         self.at = Moment { frame: number, ticks };
         self.counter = None;
         self.gate.boundary();

@@ -63,6 +63,7 @@ pub mod error;
 mod excerpt;
 pub mod fault;
 pub mod fixed;
+pub mod frame_counter;
 pub mod gate;
 pub mod geometry;
 pub mod identity;

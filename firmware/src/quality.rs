@@ -3,7 +3,7 @@
 //! A complete frame is refused, and the ladder told, by the first of these that holds:
 //!
 //! ```text
-//! number       not the one after the last frame's (see [`counter`])
+//! number       not one that follows the last frame's (see [`crate::frame_counter`])
 //! valid        subapertures with a valid flux      below `valid_min`
 //! flux         sum over all windows                outside `flux_min ..= flux_max`
 //! saturation   saturated pixels                    above `saturated_pixels_max`
@@ -15,9 +15,6 @@ use crate::centroid::Measurement;
 use crate::fault::Fault;
 use crate::report::Report;
 use serde::{Deserialize, Serialize};
-
-/// How far ahead a frame's number may be for those in between to count as missing.
-pub const MAX_MISSING: u32 = 1 << 16;
 
 /// What a frame must be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -82,34 +79,6 @@ fn in_proportion(limit: u64, seen: u32, asked: u32) -> u64 {
     }
     // Below the limit, since seen < asked.
     (u128::from(limit) * u128::from(seen) / u128::from(asked.max(1))) as u64
-}
-
-/// What a frame's number says.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Counted {
-    /// So many frames are missing before it.
-    Next {
-        /// Frames between the last one and this one.
-        missing: u32,
-    },
-    /// It is not a frame that can follow.
-    Wrong(Fault),
-}
-
-/// What the number `found` says after a frame of number `last`; numbers wrap.
-///
-/// Up to [`MAX_MISSING`] ahead the frames in between are missing. Anything else - the same number again,
-/// one from the past, one from far ahead - is a counter that cannot be trusted.
-#[must_use]
-pub fn counter(last: Option<u32>, found: u32) -> Counted {
-    let Some(last) = last else { return Counted::Next { missing: 0 } };
-    let expected = last.wrapping_add(1);
-    let missing = found.wrapping_sub(expected);
-    if missing <= MAX_MISSING {
-        Counted::Next { missing }
-    } else {
-        Counted::Wrong(Fault::FrameCounter { expected, found })
-    }
 }
 
 #[cfg(test)]
@@ -178,19 +147,5 @@ mod tests {
         let bright = [Measurement { flux: u32::MAX, ..Default::default() }; 1600];
         assert_eq!(QualityLimits::NONE.check(&report(0, u32::MAX), &bright, 1600, WHOLE), Ok(()));
         assert_eq!(QualityLimits::NONE.check(&report(0, 0), &[], 0, WHOLE), Ok(()));
-    }
-
-    #[test]
-    fn numbers_follow_one_another_over_the_wrap() {
-        let next = |missing| Counted::Next { missing };
-        assert_eq!(counter(None, 17), next(0));
-        assert_eq!(counter(Some(4), 5), next(0));
-        assert_eq!(counter(Some(u32::MAX), 0), next(0));
-        assert_eq!(counter(Some(u32::MAX - 1), 2), next(3));
-        assert_eq!(counter(Some(0), MAX_MISSING + 1), next(MAX_MISSING));
-        for (last, found) in [(5, 5), (5, 4), (5, 0), (0, MAX_MISSING + 2)] {
-            let fault = Fault::FrameCounter { expected: last + 1, found };
-            assert_eq!(counter(Some(last), found), Counted::Wrong(fault));
-        }
     }
 }

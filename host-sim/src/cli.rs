@@ -43,6 +43,12 @@ enum Command {
     Theory(TheoryArgs),
     /// Compares sensors over independent phase screens: the paper's Strehl ratios against D/r0.
     Strehl(StrehlArgs),
+    /// Makes the paper's figures, the error budget and a page that explains them.
+    Reproduce(ReproduceArgs),
+    /// Runs frames by the million on a quick sky, and looks after each at what must hold for ever.
+    Endure(EndureArgs),
+    /// Throws faults by the thousand at a closed loop, and looks after each step at what must hold.
+    Faults(FaultsArgs),
     /// Prints the default instrument description (TOML) with comments.
     Config,
 }
@@ -321,9 +327,134 @@ pub struct StrehlArgs {
     /// Seed of turbulence and noise
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub(crate) seed: u64,
+    /// What the residual variance is made of: fitting, aliasing, cone, lever arm, return path, time,
+    /// quantisation, images and noise, each switched on in turn under the same screens
+    #[arg(long)]
+    pub(crate) budget: bool,
     /// Start even if it takes more than a day
     #[arg(long)]
     pub(crate) long: bool,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
+/// `host-sim reproduce`.
+///
+/// Both figures of the paper (Butterley et al. 2006): what each sensor can sense by radial order, section 3, and
+/// the Strehl ratio against D/r0, section 4, with the error budget, all tables, and a page that explains them and
+/// says where they differ from the paper's text. A screen that is finished is kept and not run again.
+#[derive(Clone, Debug, Args)]
+pub struct ReproduceArgs {
+    /// 30 screens for each N: one to two minutes on two cores [this is the default]
+    #[arg(long, conflicts_with = "full")]
+    pub(crate) quick: bool,
+    /// 150 screens for N up to 12, 50 for 16
+    #[arg(long)]
+    pub(crate) full: bool,
+    /// Instrument description (TOML), laid over the default one; its layers are held still
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Subapertures across the pupil, of the same size, 4 to 40
+    #[arg(
+        long,
+        value_name = "N",
+        default_value = "4,6,8,10,12,16",
+        value_parser = subapertures(),
+        value_delimiter = ',',
+        allow_negative_numbers = true
+    )]
+    pub(crate) n: Vec<usize>,
+    /// Independent screens for each N, in place of 30, or of 150 and 50
+    #[arg(
+        long,
+        value_name = "SCREENS",
+        value_parser = value_parser!(u32).range(2..=10_000_000),
+        allow_negative_numbers = true
+    )]
+    pub(crate) screens: Option<u32>,
+    /// Seed of turbulence
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub(crate) seed: u64,
+    /// Start even if it takes more than a day
+    #[arg(long)]
+    pub(crate) long: bool,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
+/// `host-sim endure`.
+///
+/// Gaussian spots move as drifting waves of changing seeing move them. Every frame has to move the
+/// mirror; mean piston and tilt stay within a DAC LSB of zero; the totals are those counted here; on an
+/// emulated board, least and most of a frame's cost are told.
+#[derive(Clone, Debug, Args)]
+pub struct EndureArgs {
+    /// Instrument description (TOML), laid over the default one
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Where the firmware library runs
+    #[arg(long, value_enum, default_value_t = BoardName::Host)]
+    pub(crate) board: BoardName,
+    /// Subapertures across the pupil, 4 to 40 [default: the description's, 8]
+    #[arg(long, value_name = "N", value_parser = subapertures(), allow_negative_numbers = true)]
+    pub(crate) n: Option<usize>,
+    /// Frames to run; the default takes about two minutes
+    #[arg(
+        long,
+        value_name = "FRAMES",
+        default_value_t = 1_000_000,
+        value_parser = value_parser!(u64).range(1..=4_000_000_000),
+        allow_negative_numbers = true
+    )]
+    pub(crate) frames: u64,
+    /// Seed of waves and noise
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub(crate) seed: u64,
+    /// Seconds without an answer after which an emulated board is given up
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 60,
+        value_parser = value_parser!(u32).range(1..),
+        allow_negative_numbers = true
+    )]
+    pub(crate) patience: u32,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
+/// `host-sim faults`.
+///
+/// A closed loop on a quick sky, in this process, through the controller that boards run; an operator
+/// closes it again whenever it was given up. Looked at after every step: codes within limits and slew, state
+/// within its formats, legal modes, counters that add up, recovery, and spots in place. The first thing
+/// that does not hold ends the run.
+#[derive(Clone, Debug, Args)]
+pub struct FaultsArgs {
+    /// Instrument description (TOML), laid over the default one
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Faults; the default takes about half a minute
+    #[arg(
+        long,
+        value_name = "FAULTS",
+        default_value_t = 10_000,
+        value_parser = value_parser!(u64).range(1..=100_000_000),
+        allow_negative_numbers = true
+    )]
+    pub(crate) count: u64,
+    /// Bad frames one after the other after which the loop is given up, if the description says more
+    #[arg(
+        long,
+        value_name = "FRAMES",
+        default_value_t = 30,
+        value_parser = value_parser!(u16).range(1..),
+        allow_negative_numbers = true
+    )]
+    pub(crate) safe_frames: u16,
+    /// Seed of faults, waves and noise
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub(crate) seed: u64,
     #[command(flatten)]
     pub(crate) output: OutputArgs,
 }
@@ -462,6 +593,9 @@ impl Cli {
             Some(Command::Profile(args)) => commands::profile::run(&args),
             Some(Command::Theory(args)) => commands::theory::run(&args),
             Some(Command::Strehl(args)) => commands::strehl::run(&args),
+            Some(Command::Reproduce(args)) => commands::reproduce::run(&args),
+            Some(Command::Endure(args)) => commands::endure::run(&args),
+            Some(Command::Faults(args)) => commands::faults::run(&args),
             Some(Command::Config) => commands::config::run(),
         }
     }

@@ -171,19 +171,24 @@ impl<'a> ClosedLoop<'a> {
     /// [`Error::Run`] if the board or the detector refuses the frame.
     pub fn step(&mut self) -> Result<Step<'_>, Error> {
         let (frame, time_s) = (self.frame, f64::from(self.frame) * self.frame_s);
-        let observation = self.science.observe(&self.atmosphere, time_s, &self.mirror);
-        let report = match &mut self.eye {
+        let Self { science, eye, atmosphere, mirror, run, board, .. } = self;
+        let mut star = || science.observe(atmosphere, time_s, mirror);
+        let (observation, report) = match eye {
             Eye::Images(imager) => {
-                let Run { seed, noise_free, .. } = self.run;
-                let noise = (!noise_free).then_some(Noise { seed, frame: u64::from(frame) });
-                let pixels = imager.expose(&self.atmosphere, time_s, &self.mirror, noise)?;
-                self.board.frame(frame, Frame::Pixels(pixels))?
+                let noise =
+                    (!run.noise_free).then_some(Noise { seed: run.seed, frame: u64::from(frame) });
+                // The star and the sensor look at the same time: one enters the pool of threads, and both
+                // take from it what they can.
+                let (observation, pixels) =
+                    rayon::join(star, || imager.expose(atmosphere, time_s, mirror, noise));
+                (observation, board.frame(frame, Frame::Pixels(pixels?))?)
             }
             Eye::Gradients { sensor, centroids, flux } => {
-                sensor.centroids(&self.atmosphere, time_s, &self.mirror, centroids);
+                let observation = star();
+                sensor.centroids(atmosphere, time_s, mirror, centroids);
                 let measurements: Vec<Measurement> =
                     centroids.iter().map(|c| measurement(*c, *flux)).collect();
-                self.board.frame(frame, Frame::Measurements(&measurements))?
+                (observation, board.frame(frame, Frame::Measurements(&measurements))?)
             }
         };
         self.pending.push_back(self.board.codes().to_vec());

@@ -1,11 +1,15 @@
 //! The commands, one a file.
 
+mod campaign;
 pub mod closed_loop;
 pub mod config;
+pub mod endure;
+pub mod faults;
 pub mod frames;
 mod output;
 pub mod profile;
 mod progress;
 pub mod replay;
+pub mod reproduce;
 pub mod strehl;
 pub mod theory;

@@ -18,8 +18,6 @@ pub mod poisson;
 mod spec;
 mod windows;
 
-use rand::RngExt;
-use rand_distr::StandardNormal;
 use rayon::prelude::*;
 
 use poisson::PoissonSampler;
@@ -102,14 +100,20 @@ impl Detector {
             .zip(expected_e.par_chunks(width))
             .enumerate()
             .with_min_len(ROWS_PER_TASK)
-            .for_each(|(y, (codes, expected))| {
-                let mut random = noise::row_stream(seed, frame, y as u64);
-                for (x, (code, &expected)) in codes.iter_mut().zip(expected).enumerate() {
-                    let charge = poisson.draw(&mut random, self.mean_e(y * width + x, expected));
-                    let normal: f64 = random.sample(StandardNormal);
-                    *code = self.digitise(charge, self.spec.read_noise_e * normal);
-                }
-            });
+            .for_each_init(
+                || (vec![0.0; width], vec![0.0; width]),
+                |(charges, normals), (y, (codes, expected))| {
+                    let mut random = noise::row_stream(seed, frame, y as u64);
+                    for (x, (charge, &expected)) in charges.iter_mut().zip(expected).enumerate() {
+                        *charge = poisson.draw(&mut random, self.mean_e(y * width + x, expected));
+                    }
+                    noise::fill_normal(&mut random, normals);
+                    for ((code, &charge), &normal) in codes.iter_mut().zip(&*charges).zip(&*normals)
+                    {
+                        *code = self.digitise(charge, self.spec.read_noise_e * f64::from(normal));
+                    }
+                },
+            );
         Ok(())
     }
 

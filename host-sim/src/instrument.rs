@@ -262,6 +262,9 @@ pub struct SerialsSection {
     pub detector: u32,
 }
 
+/// Part of the peak that is a spot's threshold where there is no noise.
+const NOISE_FREE_PEAK_FRACTION: f64 = 0.005;
+
 impl Instrument {
     /// The default instrument.
     ///
@@ -294,7 +297,8 @@ impl Instrument {
     }
 
     /// The same instrument with a detector that adds nothing: no read noise, no dark charge, and
-    /// 16 bits over the same range, so that rounding to codes is no noise either.
+    /// 16 bits over the same range, so that rounding to codes is no noise either. A threshold against noise
+    /// only cuts the spots' wings: `peak_fraction` is at most 0.005.
     #[must_use]
     pub fn noise_free(mut self) -> Self {
         let scale = 2f64.powi(16 - self.detector.bits.clamp(8, 16) as i32);
@@ -304,6 +308,8 @@ impl Instrument {
         detector.bias_adu *= scale;
         detector.read_noise_e = 0.0;
         detector.dark_e_per_frame = 0.0;
+        let fraction = &mut self.centroids.peak_fraction;
+        *fraction = fraction.min(NOISE_FREE_PEAK_FRACTION);
         self
     }
 

@@ -12,9 +12,13 @@
 //! | [`board`] | where the firmware library runs |
 //! | [`mirror`] | DAC codes to the shape of the segments |
 //! | [`profile`] | what a frame costs on a board |
+//! | [`nor_flash`] | a flash device, and what a power cut does to it |
+//! | [`quick`] | a sky and a detector for runs of a million frames |
 //! | [`closed_loop`] | all of them, frame after frame |
+//! | [`endurance`] | a run by the million frames, and what must hold for ever |
+//! | [`fault_campaign`] | faults by the thousand in a closed loop, and what must hold |
 //! | [`summary`] | averages, digest and faults of a run |
-//! | [`monte_carlo`] | Strehl ratios over independent screens, for all sensors |
+//! | [`monte_carlo`] | Strehl ratios over independent screens, for all sensors, and their error budgets |
 //! | [`theory`] | what each sensor can sense, by equations |
 //! | [`files`], [`figures`] | FITS, CSV and pictures |
 //! | [`cli`], [`commands`] | the command line |
@@ -26,16 +30,20 @@ pub mod cli;
 pub mod closed_loop;
 pub mod commands;
 pub mod detector;
+pub mod endurance;
 pub mod error;
+pub mod fault_campaign;
 pub mod figures;
 pub mod files;
 pub mod imager;
 pub mod instrument;
 pub mod mirror;
 pub mod monte_carlo;
+pub mod nor_flash;
 pub mod optics;
 pub mod profile;
 pub mod pupil;
+pub mod quick;
 pub mod reconstructor;
 pub mod screen;
 pub mod summary;

@@ -167,12 +167,12 @@ impl Mirror {
         assert_eq!(phase.len(), side * side, "phase array");
         assert_eq!(self.segments.len(), pupil.subapertures().len(), "mirror segments");
         phase.fill(0.0);
-        let edge = |k: usize| (2.0 * k as f64 + 1.0) / n as f64 - 1.0;
+        let edges: Vec<f64> = (0..n).map(|k| (2.0 * k as f64 + 1.0) / n as f64 - 1.0).collect();
         for (&[ix, iy], &[piston, tip, tilt]) in pupil.subapertures().iter().zip(&self.segments) {
-            for j in 0..n {
+            for (j, y) in edges.iter().enumerate() {
                 let start = (iy * n + j) * side + ix * n;
-                for (k, value) in phase[start..start + n].iter_mut().enumerate() {
-                    *value = (piston + tip * edge(k) + tilt * edge(j)) as f32;
+                for (value, x) in phase[start..start + n].iter_mut().zip(&edges) {
+                    *value = (piston + tip * x + tilt * y) as f32;
                 }
             }
         }

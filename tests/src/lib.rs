@@ -4,6 +4,7 @@
 //! in it calls the firmware.
 
 pub mod frames;
+pub mod fuzz;
 pub mod golden;
 pub mod instrument;
 pub mod memory_map;

@@ -1,9 +1,6 @@
 //! The store: whenever the power is cut, the configuration before or the new one is there, whole.
 
-use embedded_storage::nor_flash::{
-    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read,
-    check_write,
-};
+use host_sim::nor_flash::{Nor, NorError, PAGE};
 use splash_firmware::config::Config;
 use splash_firmware::image::ImageError;
 use splash_firmware::store::{Store, StoreError};
@@ -11,118 +8,6 @@ use splash_tests::frames::Rng;
 use splash_tests::instrument::{Instrument, Values};
 
 type Bank = Config<16, 256, 0>;
-const PAGE: usize = 4096;
-
-/// A NOR flash of words of `WORD` bytes: an erase sets bits, a program clears them, each word once.
-/// When its steps are used up the power fails in the middle of the next.
-struct Nor<const WORD: usize> {
-    bytes: Vec<u8>,
-    /// Words and pages before the power fails.
-    steps: Option<usize>,
-    taken: usize,
-    rng: Rng,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum NorError {
-    PowerCut,
-    /// A word that has been programmed since its page was erased.
-    Programmed,
-    Call(NorFlashErrorKind),
-}
-
-impl NorFlashError for NorError {
-    fn kind(&self) -> NorFlashErrorKind {
-        match self {
-            Self::PowerCut | Self::Programmed => NorFlashErrorKind::Other,
-            Self::Call(kind) => *kind,
-        }
-    }
-}
-
-impl<const WORD: usize> Nor<WORD> {
-    /// As it comes from the factory, or from a use that left anything in it.
-    fn new(pages: usize, seed: u64, blank: bool) -> Self {
-        let mut rng = Rng::new(seed);
-        let mut byte = || if blank { 0xff } else { rng.below(256) as u8 };
-        let bytes = (0..pages * PAGE).map(|_| byte()).collect();
-        Self { bytes, steps: None, taken: 0, rng }
-    }
-
-    /// Whether there is power for the whole of the next step.
-    fn step(&mut self) -> bool {
-        self.taken += 1;
-        match &mut self.steps {
-            None => true,
-            Some(0) => false,
-            Some(steps) => {
-                *steps -= 1;
-                true
-            }
-        }
-    }
-
-    fn off(&self) -> bool {
-        self.steps == Some(0) && self.taken > 0
-    }
-}
-
-impl<const WORD: usize> ErrorType for Nor<WORD> {
-    type Error = NorError;
-}
-
-impl<const WORD: usize> ReadNorFlash for Nor<WORD> {
-    const READ_SIZE: usize = 1;
-
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorError> {
-        check_read(&*self, offset, bytes.len()).map_err(NorError::Call)?;
-        bytes.copy_from_slice(&self.bytes[offset as usize..][..bytes.len()]);
-        Ok(())
-    }
-
-    fn capacity(&self) -> usize {
-        self.bytes.len()
-    }
-}
-
-impl<const WORD: usize> NorFlash for Nor<WORD> {
-    const WRITE_SIZE: usize = WORD;
-    const ERASE_SIZE: usize = PAGE;
-
-    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorError> {
-        check_erase(&*self, from, to).map_err(NorError::Call)?;
-        for start in (from as usize..to as usize).step_by(PAGE) {
-            let whole = self.step();
-            for byte in &mut self.bytes[start..start + PAGE] {
-                // Bits of a page whose erase was cut short are anything between before and erased.
-                *byte |= if whole { 0xff } else { self.rng.below(256) as u8 };
-            }
-            if !whole {
-                return Err(NorError::PowerCut);
-            }
-        }
-        Ok(())
-    }
-
-    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorError> {
-        check_write(&*self, offset, bytes.len()).map_err(NorError::Call)?;
-        for (i, word) in bytes.chunks(WORD).enumerate() {
-            let start = offset as usize + i * WORD;
-            let places = &self.bytes[start..start + WORD];
-            if places.iter().any(|&byte| byte != 0xff) {
-                return Err(NorError::Programmed);
-            }
-            let whole = self.step();
-            for (place, &byte) in self.bytes[start..start + WORD].iter_mut().zip(word) {
-                *place &= if whole { byte } else { byte | self.rng.below(256) as u8 };
-            }
-            if !whole {
-                return Err(NorError::PowerCut);
-            }
-        }
-        Ok(())
-    }
-}
 
 fn bank(gain: f64) -> Box<Bank> {
     let mut instrument = Instrument::circle(4, 4);
@@ -198,9 +83,8 @@ fn every_cut<const WORD: usize>(stride: usize) {
         assert_eq!(found, Ok(before), "cut in step {first}");
 
         for second in (first % stride..steps).step_by(stride) {
-            let bytes = flash.bytes.clone();
-            let rng = Rng::new(second as u64);
-            let again = Nor::<WORD> { bytes, steps: Some(second), taken: 0, rng };
+            let mut again = flash.clone();
+            (again.steps, again.taken) = (Some(second), 0);
             let mut store = Store::new(again);
             assert!(store.store(&configs[3]).is_err());
             let mut again = store.into_inner();

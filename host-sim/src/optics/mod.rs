@@ -24,7 +24,7 @@ pub mod phase;
 mod sampling;
 pub mod science;
 pub mod segment_fit;
-mod sincos;
+pub(crate) mod sincos;
 pub mod splash_image;
 pub mod subaperture_image;
 

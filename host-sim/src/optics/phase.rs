@@ -2,7 +2,7 @@
 
 use super::OpticsError;
 use super::error::positive;
-use super::sampling::{Footprint, Taps};
+use super::sampling::Footprint;
 use crate::atmosphere::Atmosphere;
 use crate::pupil::Pupil;
 
@@ -39,8 +39,8 @@ impl Path {
 #[derive(Debug, Default)]
 pub struct PhaseSampler {
     footprint: Footprint,
-    /// Texel rows resampled along x, `[texel row][col]`.
-    rows: Vec<f32>,
+    /// Texels of one row of samples, resampled along y.
+    line: Vec<f32>,
 }
 
 impl PhaseSampler {
@@ -81,26 +81,14 @@ impl PhaseSampler {
                 let offsets = (0..side).map(|k| scale * pupil.sample_m(k) + shift[axis]);
                 self.footprint.taps(axis, offsets)
             });
-            self.rows.resize(self.footprint.side() * side, 0.0);
-            for (row, out) in self.rows.chunks_exact_mut(side).enumerate() {
-                resample_row(self.footprint.row(row), &columns, out);
-            }
+            self.line.resize(self.footprint.side(), 0.0);
             for (taps, out) in rows.iter().zip(phase.chunks_exact_mut(side)) {
-                for (k, &weight) in taps.weights.iter().enumerate() {
-                    let source = &self.rows[(taps.first + k) * side..][..side];
-                    for (out, &value) in out.iter_mut().zip(source) {
-                        *out += weight * value;
-                    }
+                self.footprint.between_rows(taps, &mut self.line);
+                for (out, taps) in out.iter_mut().zip(&columns) {
+                    *out += taps.on(&self.line);
                 }
             }
         }
-    }
-}
-
-fn resample_row(texels: &[f32], columns: &[Taps], out: &mut [f32]) {
-    for (out, taps) in out.iter_mut().zip(columns) {
-        let texels = &texels[taps.first..taps.first + 4];
-        *out = texels.iter().zip(&taps.weights).map(|(texel, weight)| texel * weight).sum();
     }
 }
 

@@ -1,12 +1,16 @@
 //! Interpolation of the phase screens: separable cubic convolution (Catmull-Rom).
 
 use crate::atmosphere::{Atmosphere, Flow};
+use crate::screen::Screen;
+use std::ops::Range;
 
 /// The part of a layer's screen that is above the telescope at one instant: a square of texels.
 #[derive(Debug, Default)]
 pub(crate) struct Footprint {
     /// Phase in rad, `[row][col]`, the screen's gradient included.
     texels: Vec<f32>,
+    /// The screen's gradient along x, rad, for each column.
+    ramp: Vec<f32>,
     side: usize,
     texel_m: f64,
     /// Position of the optical axis in texels along x and y.
@@ -32,23 +36,40 @@ impl Footprint {
         self.side = 2 * half + 2;
         self.texel_m = screen.texel_m;
         self.axis = [0, 1].map(|axis| half as f64 + place[axis] - place[axis].floor());
+        let gradient = screen.gradient_rad_per_m.map(|g| g * screen.texel_m);
+        let columns = runs(screen, first[0] - half as i64, self.side);
+        let plane = |axis: usize, k: usize| (gradient[axis] * (k as f64 - self.axis[axis])) as f32;
+        self.ramp.clear();
+        self.ramp.extend((0..self.side).map(|col| plane(0, col)));
         self.texels.clear();
         self.texels.reserve(self.side * self.side);
-        let gradient = screen.gradient_rad_per_m.map(|g| g * screen.texel_m);
         for row in 0..self.side {
             let source = screen.index(first[1] - half as i64 + row as i64, screen.height);
             let source = &screen.texels[source * screen.width..][..screen.width];
-            let plane = gradient[1] * (row as f64 - self.axis[1]) - gradient[0] * self.axis[0];
-            self.texels.extend((0..self.side).map(|col| {
-                let texel = source[screen.index(first[0] - half as i64 + col as i64, screen.width)];
-                texel + (plane + gradient[0] * col as f64) as f32
-            }));
+            let rise = plane(1, row);
+            let mut ramp = self.ramp.as_slice();
+            for run in &columns {
+                let (here, rest) = ramp.split_at(run.len());
+                let texels = source[run.clone()].iter().zip(here);
+                self.texels.extend(texels.map(|(texel, along_x)| texel + (rise + along_x)));
+                ramp = rest;
+            }
         }
     }
 
     /// Texels on a side.
     pub(crate) fn side(&self) -> usize {
         self.side
+    }
+
+    /// The row of texels that `taps` interpolate along y.
+    #[inline]
+    pub(crate) fn between_rows(&self, taps: &Taps, line: &mut [f32]) {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|k| &self.row(taps.first + k)[..line.len()]);
+        let [wa, wb, wc, wd] = taps.weights;
+        for (k, value) in line.iter_mut().enumerate() {
+            *value = wa * a[k] + wb * b[k] + wc * c[k] + wd * d[k];
+        }
     }
 
     /// One row of texels.
@@ -103,12 +124,36 @@ impl Footprint {
     }
 }
 
+/// Columns `first` to `first` + `count` of a screen, in stretches that lie side by side: a torus goes on at
+/// its other edge, any other screen repeats its last texel.
+fn runs(screen: &Screen, first: i64, count: usize) -> Vec<Range<usize>> {
+    let mut runs: Vec<Range<usize>> = vec![];
+    for column in first..first + count as i64 {
+        let index = screen.index(column, screen.width);
+        match runs.last_mut() {
+            Some(run) if run.end == index => run.end += 1,
+            _ => runs.push(index..index + 1),
+        }
+    }
+    runs
+}
+
 /// Cubic interpolation at one coordinate: four neighbouring texels and their weights.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Taps {
     /// Index of the first of the four texels.
     pub(crate) first: usize,
     pub(crate) weights: [f32; 4],
+}
+
+impl Taps {
+    /// The value at the coordinate, from a line of texels.
+    #[inline]
+    pub(crate) fn on(&self, line: &[f32]) -> f32 {
+        let t = &line[self.first..self.first + 4];
+        let w = self.weights;
+        (t[0] * w[0] + t[1] * w[1]) + (t[2] * w[2] + t[3] * w[3])
+    }
 }
 
 /// A linear functional of neighbouring texels along one axis.

@@ -2,9 +2,12 @@
 
 use super::OpticsError;
 use super::error::positive;
+use super::lane_fft::LANES;
 use super::phase::{Path, PhaseSampler, check_geometry};
+use super::sincos::sin_cos;
 use crate::atmosphere::Atmosphere;
 use crate::pupil::{Mirror, Pupil};
+use pulp::{Arch, Simd, WithSimd};
 
 /// What the science camera sees in one frame, at the science wavelength.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,9 +31,24 @@ pub struct Science {
     /// Inverse of the normal matrix of [1, x, y] over the pupil's samples, x and y in units of
     /// half the grid's side.
     inverse: [[f64; 3]; 3],
+    /// Of a column or row of samples, in units of half the grid's side.
+    coordinates: Vec<f64>,
+    /// One at the samples in use, zero elsewhere, `[row][col]`.
+    lit: Vec<f32>,
     sampler: PhaseSampler,
     mirror: Vec<f32>,
     residual: Vec<f32>,
+    columns: Columns,
+}
+
+/// Sums along each column of samples, and buffers of one row: additions side by side, and in the same
+/// order whatever the length of a vector.
+struct Columns {
+    /// Whole vectors, zero beyond the last column.
+    phase: Vec<f32>,
+    sin: Vec<f32>,
+    cos: Vec<f32>,
+    sums: [Vec<f64>; 3],
 }
 
 impl Science {
@@ -45,22 +63,39 @@ impl Science {
         check_geometry(pupil, atmosphere, None)?;
         let phase_ratio = positive("sensing_wavelength_m", sensing_wavelength_m)?
             / positive("science_wavelength_m", science_wavelength_m)?;
+        let side = pupil.side();
+        let half_m = pupil.diameter_m() / 2.0;
+        let coordinates: Vec<f64> = (0..side).map(|k| pupil.sample_m(k) / half_m).collect();
         let mut normal = [[0.0; 3]; 3];
-        for_samples(pupil, |_, basis| {
-            for (row, a) in normal.iter_mut().zip(basis) {
-                for (sum, b) in row.iter_mut().zip(basis) {
-                    *sum += a * b;
+        let mut lit = vec![0.0; side * side];
+        for (k, lit) in lit.iter_mut().enumerate() {
+            if pupil.illuminates(k / side, k % side) {
+                *lit = 1.0;
+                let basis = [1.0, coordinates[k % side], coordinates[k / side]];
+                for (row, a) in normal.iter_mut().zip(basis) {
+                    for (sum, b) in row.iter_mut().zip(basis) {
+                        *sum += a * b;
+                    }
                 }
             }
-        });
-        let samples = pupil.side() * pupil.side();
+        }
+        let padded = || vec![0.0; side.next_multiple_of(LANES)];
+        let columns = Columns {
+            phase: padded(),
+            sin: padded(),
+            cos: padded(),
+            sums: [0; 3].map(|_| vec![0.0; side]),
+        };
         Ok(Self {
             pupil: pupil.clone(),
             phase_ratio,
             inverse: invert(normal),
+            coordinates,
+            lit,
             sampler: PhaseSampler::default(),
-            mirror: vec![0.0; samples],
-            residual: vec![0.0; samples],
+            mirror: vec![0.0; side * side],
+            residual: vec![0.0; side * side],
+            columns,
         })
     }
 
@@ -75,37 +110,19 @@ impl Science {
         time_s: f64,
         mirror: &Mirror,
     ) -> Observation {
-        let (pupil, residual) = (&self.pupil, &mut self.residual);
+        let Self { pupil, coordinates, lit, residual, columns, .. } = self;
         self.sampler.sample(Path::Star, pupil, atmosphere, time_s, residual);
         mirror.phase(pupil, &mut self.mirror);
-        for (phase, mirror) in residual.iter_mut().zip(&self.mirror) {
-            *phase = self.phase_ratio as f32 * (*phase - mirror);
+        let ratio = self.phase_ratio as f32;
+        for ((phase, mirror), lit) in residual.iter_mut().zip(&self.mirror).zip(&*lit) {
+            *phase = lit * (ratio * (*phase - mirror));
         }
-        let mut moments = [0.0; 3];
-        for_samples(pupil, |at, basis| {
-            for (moment, b) in moments.iter_mut().zip(basis) {
-                *moment += b * f64::from(residual[at]);
-            }
-        });
+        let arch = Arch::new();
+        let moments = arch.dispatch(|| columns.moments(residual, coordinates));
         let plane =
             self.inverse.map(|row| row.iter().zip(moments).map(|(a, b)| a * b).sum::<f64>());
-
-        let (mut square, mut re, mut im) = (0.0, 0.0, 0.0);
-        for_samples(pupil, |at, basis| {
-            let fitted: f64 = plane.iter().zip(basis).map(|(a, b)| a * b).sum();
-            let phase = f64::from(residual[at]) - fitted;
-            square += phase * phase;
-            let (sin, cos) = phase.sin_cos();
-            re += cos;
-            im += sin;
-            residual[at] = phase as f32;
-        });
-        let side = pupil.side();
-        for (at, phase) in residual.iter_mut().enumerate() {
-            if !pupil.illuminates(at / side, at % side) {
-                *phase = 0.0;
-            }
-        }
+        let [square, re, im] =
+            arch.dispatch(Flatten { plane, coordinates, lit, residual, columns });
         let count = pupil.illuminated_samples() as f64;
         let half_m = pupil.diameter_m() / 2.0;
         Observation {
@@ -123,17 +140,65 @@ impl Science {
     }
 }
 
-/// Calls `visit` with the index and [1, x, y] of every sample in use.
-fn for_samples(pupil: &Pupil, mut visit: impl FnMut(usize, [f64; 3])) {
-    let (n, side) = (pupil.samples(), pupil.side());
-    let half_m = pupil.diameter_m() / 2.0;
-    let coordinates: Vec<f64> = (0..side).map(|k| pupil.sample_m(k) / half_m).collect();
-    for &[ix, iy] in pupil.subapertures() {
-        for row in iy * n..(iy + 1) * n {
-            for col in ix * n..(ix + 1) * n {
-                visit(row * side + col, [1.0, coordinates[col], coordinates[row]]);
+impl Columns {
+    /// Sums of phase, x phase and y phase.
+    #[inline(always)]
+    fn moments(&mut self, phase: &[f32], coordinates: &[f64]) -> [f64; 3] {
+        let [sums, sums_y, _] = &mut self.sums;
+        sums.fill(0.0);
+        sums_y.fill(0.0);
+        for (row, y) in phase.chunks_exact(coordinates.len()).zip(coordinates) {
+            for ((sum, sum_y), &phase) in sums.iter_mut().zip(sums_y.iter_mut()).zip(row) {
+                let phase = f64::from(phase);
+                *sum += phase;
+                *sum_y += y * phase;
             }
         }
+        let along_x = sums.iter().zip(coordinates).map(|(sum, x)| sum * x).sum();
+        [sums.iter().sum(), along_x, sums_y.iter().sum()]
+    }
+}
+
+/// Takes the plane off the phase, and sums its square, cosine and sine.
+struct Flatten<'a> {
+    plane: [f64; 3],
+    coordinates: &'a [f64],
+    lit: &'a [f32],
+    residual: &'a mut [f32],
+    columns: &'a mut Columns,
+}
+
+impl WithSimd for Flatten<'_> {
+    type Output = [f64; 3];
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> [f64; 3] {
+        let Self { plane: [piston, slope_x, slope_y], coordinates, lit, residual, columns } = self;
+        let Columns { phase: line, sin, cos, sums } = columns;
+        let side = coordinates.len();
+        sums.iter_mut().for_each(|sums| sums.fill(0.0));
+        let [squares, cosines, sines] = sums;
+        let rows = residual.chunks_exact_mut(side).zip(lit.chunks_exact(side)).zip(coordinates);
+        for ((row, lit), y) in rows {
+            let fitted = piston + slope_y * y;
+            for (((phase, lit), x), kept) in
+                row.iter_mut().zip(lit).zip(coordinates).zip(&mut *line)
+            {
+                *phase = lit * (f64::from(*phase) - (fitted + slope_x * x)) as f32;
+                *kept = *phase;
+            }
+            let (phases, _) = S::as_simd_f32s(line);
+            let vectors = S::as_mut_simd_f32s(sin).0.iter_mut().zip(S::as_mut_simd_f32s(cos).0);
+            for ((sin, cos), &phase) in vectors.zip(phases) {
+                (*sin, *cos) = sin_cos(simd, phase);
+            }
+            for (k, lit) in lit.iter().enumerate() {
+                squares[k] += f64::from(row[k]).powi(2);
+                cosines[k] += f64::from(lit * cos[k]);
+                sines[k] += f64::from(sin[k]);
+            }
+        }
+        [squares, cosines, sines].map(|sums| sums.iter().sum())
     }
 }
 

@@ -206,11 +206,7 @@ impl SplashCamera {
                 |(iy, columns)| {
                     let mut line = vec![0.0; high.texels];
                     for (row, taps) in taps(1, iy).iter().enumerate() {
-                        let [a, b, c, d] = [0, 1, 2, 3].map(|k| footprint.row(taps.first + k));
-                        let [wa, wb, wc, wd] = taps.weights;
-                        for (k, value) in line.iter_mut().enumerate() {
-                            *value = wa * a[k] + wb * b[k] + wc * c[k] + wd * d[k];
-                        }
+                        footprint.between_rows(taps, &mut line);
                         let group = &mut columns[row / LANES * high.texels * LANES..];
                         for (lanes, value) in group.chunks_exact_mut(LANES).zip(&line) {
                             lanes[row % LANES] = *value;

@@ -35,8 +35,10 @@ impl<T: Link> Outbox<'_, T> {
         piece: fn(u16, List<E>) -> Response,
     ) -> Result<(), T::Error> {
         for (i, items) in items.chunks(link::LIST).enumerate() {
-            let first = (i * link::LIST) as u16;
-            self.send(piece(first, items.iter().copied().collect()))?;
+            let mut list = List::new();
+            // There is room: chunks have no more.
+            let _ = list.extend_from_slice(items);
+            self.send(piece((i * link::LIST) as u16, list))?;
         }
         Ok(())
     }
@@ -52,7 +54,13 @@ impl<T: Link> Outbox<'_, T> {
     ) -> Result<(), T::Error> {
         let mut first = 0;
         loop {
-            let next: heapless::Vec<E, HISTORY> = items.by_ref().take(HISTORY).collect();
+            let mut next = heapless::Vec::<E, HISTORY>::new();
+            while !next.is_full()
+                && let Some(item) = items.next()
+            {
+                // There is room.
+                let _ = next.push(item);
+            }
             if next.is_empty() {
                 return Ok(());
             }

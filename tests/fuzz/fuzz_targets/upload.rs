@@ -1,0 +1,4 @@
+//! `splash_tests::fuzz`, target `upload`, under libFuzzer.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| splash_tests::fuzz::target("upload")(bytes));
