@@ -2,7 +2,8 @@
 
 mod control;
 mod dacs;
+mod flash;
 mod frames;
 mod image;
 mod rig;
-//mod service;
+mod service;
