@@ -37,6 +37,8 @@ fn clear() {
 
 impl Registers for Bank2<'_> {
     fn read(&mut self, offset: u32, bytes: &mut [u8]) {
+        // Slots are read from end to end, block by block.
+        self.desk.round();
         let first: *const u8 = core::ptr::with_exposed_provenance((BASE + offset) as usize);
         clear();
         // A word whose writing was cut short gives a bus error, which is ignored while faults are masked.

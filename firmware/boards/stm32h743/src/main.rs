@@ -53,14 +53,11 @@ fn main() -> ! {
     gate::start();
 
     let controller = CONTROLLER.take();
-    // SAFETY: nothing has ended yet, and this is the start.
-    #[allow(unsafe_code, reason = "memory that outlives the program")]
-    let words = unsafe { memory::last_words() }.take();
-    if let Some(words) = &words {
+    if let Some(words) = &memory.said {
         defmt::error!("the program before: {}, {}", words.cause, words.text.as_str());
         defmt::error!("in {} at {}, place {:#x}", words.mode, words.at, words.place);
     }
-    if let Some(fault) = restart::fault(words.as_ref(), start::by_watchdog()) {
+    if let Some(fault) = restart::fault(memory.said.as_ref(), start::by_watchdog()) {
         controller.fault(fault, 0);
     }
 

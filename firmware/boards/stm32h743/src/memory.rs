@@ -8,7 +8,7 @@ use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicBool, Ordering};
 use splash_firmware::config::Config;
-use splash_firmware::last_words::LastWords;
+use splash_firmware::last_words::{LastWords, Words};
 use static_cell::ConstStaticCell;
 use stm32h743_logic::dac_burst::{BUSES, WORDS, Words};
 use stm32h743_logic::shape::{LINE_BYTES, RING_BYTES, Shape};
@@ -45,7 +45,7 @@ static LAST_WORDS: Place<LastWords> = Place::new();
 /// The last words: of the program before this one at the start, and of this one at its end.
 ///
 /// # Safety
-/// Nobody else has them: the main program at its start, and what ends the program.
+/// Nobody else has them: [`take`] at the start, and what ends the program.
 pub(crate) unsafe fn last_words() -> &'static mut LastWords {
     // SAFETY: words and bytes, of which any value is valid; as the caller says, there is no other
     // reference.
@@ -62,6 +62,8 @@ pub(crate) struct Memory {
     pub(crate) words: &'static mut Words,
     /// The link's ring.
     pub(crate) link: LinkRing,
+    /// Last words of the program before this start.
+    pub(crate) said: Option<Words>,
 }
 
 /// Gives all of it away, once, after SRAM1 is clocked.
@@ -77,6 +79,8 @@ pub(crate) fn take() -> Option<Memory> {
         ring: RowRing { memory: RING.0.get().cast() },
         words: words.write([[0; WORDS]; BUSES]),
         link: LinkRing { memory: LINK_RING.0.get().cast() },
+        // SAFETY: this program has not ended, and TAKEN lets this run once.
+        said: unsafe { last_words() }.take(),
     })
 }
 
