@@ -8,7 +8,7 @@ use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicBool, Ordering};
 use splash_firmware::config::Config;
-use splash_firmware::last_words::{LastWords, Words};
+use splash_firmware::last_words::{LastWords, Words as Said};
 use static_cell::ConstStaticCell;
 use stm32h743_logic::dac_burst::{BUSES, WORDS, Words};
 use stm32h743_logic::shape::{LINE_BYTES, RING_BYTES, Shape};
@@ -63,7 +63,7 @@ pub(crate) struct Memory {
     /// The link's ring.
     pub(crate) link: LinkRing,
     /// Last words of the program before this start.
-    pub(crate) said: Option<Words>,
+    pub(crate) said: Option<Said>,
 }
 
 /// Gives all of it away, once, after SRAM1 is clocked.
