@@ -133,6 +133,12 @@ impl<'a, const M: usize, const P: usize, const B: usize> Draft<'a, M, P, B> {
         Self { bank, state, loader: Loader::new() }
     }
 
+    /// Gives the bank back, with what is in it.
+    #[must_use]
+    pub fn into_bank(self) -> &'a mut Config<M, P, B> {
+        self.bank
+    }
+
     /// What is in it.
     #[must_use]
     pub const fn state(&self) -> DraftState {

@@ -47,7 +47,7 @@ use crate::ladder::{Ladder, Rung};
 use crate::mirror::Serials;
 use crate::mode::{Conditions, Mode, Modes, Refusal};
 use crate::pipeline::{Measured, Pipeline};
-use crate::probe::Probe;
+use crate::probe::{Probe, Stage};
 use crate::report::{GlobalTilt, Hold, Progress, Report, RowError};
 use crate::segments::{ACTUATORS, Position};
 use serde::{Deserialize, Serialize};
@@ -243,13 +243,15 @@ impl<const M: usize, const B: usize> Controller<M, B> {
         self.pipeline.push_measurements(config, measurements)
     }
 
-    /// Ends the frame: the mirror takes a step, if the mode or the ladder wants one.
+    /// Ends the frame: the mirror takes a step, if the mode or the ladder wants one. `probe` is told of the
+    /// stages as by [`Pipeline::finish_probed`], of a frame that is not followed only of the first.
     pub fn finish<const P: usize>(
         &mut self,
         config: &Config<M, P, B>,
         probe: &mut impl Probe,
     ) -> FrameResult {
         let Measured { report, hold } = self.pipeline.measure(config);
+        probe.after(Stage::Slopes);
         if report.restarted {
             self.faults.book(Fault::FrameUnfinished, self.at);
         }
@@ -320,6 +322,27 @@ impl<const M: usize, const B: usize> Controller<M, B> {
         fault: Option<Fault>,
         probe: &mut impl Probe,
     ) -> FrameResult {
+        let (report, rung) =
+            if self.modes.mode() == Mode::ClosedLoop && fault.is_none() && hold.is_none() {
+                let rung = self.ladder.good();
+                (self.follow(config, report, probe), Some(rung))
+            } else {
+                self.not_follow(config, Measured { report, hold }, fault)
+            };
+        let (mode, gate, at) = (self.modes.mode(), self.stamp, self.at);
+        FrameResult { report, mode, rung, fault, gate, at }
+    }
+
+    /// What becomes of a frame that the mirror does not follow.
+    ///
+    /// Not inlined: a board may keep what a closed loop does with a good frame in other memory.
+    #[inline(never)]
+    fn not_follow<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        Measured { report, hold }: Measured,
+        fault: Option<Fault>,
+    ) -> (Report, Option<Rung>) {
         let kept = hold.unwrap_or(if fault.is_some() { Hold::Poor } else { Hold::Mode });
         let unbegun = matches!(hold, Some(Hold::NotBegun | Hold::NotConfigured));
         let mut rung = None;
@@ -327,14 +350,10 @@ impl<const M: usize, const B: usize> Controller<M, B> {
             // No exposure has passed.
             _ if unbegun => self.pipeline.keep(report, kept),
             Mode::ClosedLoop => {
-                let climbed = match fault {
-                    Some(_) => self.ladder.bad_frame(&config.ladder()),
-                    None => self.ladder.good(),
-                };
+                let climbed = self.ladder.bad_frame(&config.ladder());
                 rung = Some(climbed);
                 match climbed {
-                    Rung::Follow => self.follow(config, report, probe),
-                    Rung::Hold => self.pipeline.keep(report, kept),
+                    Rung::Follow | Rung::Hold => self.pipeline.keep(report, kept),
                     Rung::Leak => {
                         let part = config.ladder().leak_q16;
                         self.pipeline.steer(config, (report, kept), false, |mirror| {
@@ -357,8 +376,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
                 })
             }
         };
-        let (mode, gate, at) = (self.modes.mode(), self.stamp, self.at);
-        FrameResult { report, mode, rung, fault, gate, at }
+        (report, rung)
     }
 
     fn follow<const P: usize>(

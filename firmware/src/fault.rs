@@ -195,6 +195,9 @@ impl Faults {
     }
 
     /// Books a fault that was there so many times at once: one record.
+    ///
+    /// Not inlined: faults are seldom, and booked in many places.
+    #[inline(never)]
     pub fn book_times(&mut self, fault: Fault, times: u32, at: Moment) {
         if let Some(count) = self.counts.get_mut(fault.kind()) {
             *count = count.saturating_add(times);

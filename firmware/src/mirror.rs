@@ -146,13 +146,16 @@ impl<const M: usize> Mirror<M> {
     }
 
     /// [`Mirror::pass`] with codes, away from the frame path: `ask` has a subaperture and its position.
+    ///
+    /// Not inlined, and with a walk of its own: a board may keep the frame path's in other memory.
+    #[inline(never)]
     pub(crate) fn steer<const P: usize, const B: usize>(
         &mut self,
         config: &Config<M, P, B>,
         ask: &mut dyn FnMut(usize, Position) -> Position,
     ) -> Limits {
         let travel = &config.travel;
-        let limits = self.advance(config, 0.., |segment, position, heights, i| {
+        let limits = self.walk(config, 0.., |segment, position, heights, i| {
             segment.advance(position, heights, ask(i, position), travel)
         });
         self.drive(config);
@@ -220,11 +223,22 @@ impl<const M: usize> Mirror<M> {
         }
     }
 
-    /// Wanted positions to positions and heights by `go`, from where a segment is.
+    /// [`Mirror::walk`] of a frame.
     ///
     /// Not inlined: it needs all registers.
     #[inline(never)]
-    fn advance<W, const P: usize, const B: usize>(
+    fn advance<const P: usize, const B: usize>(
+        &mut self,
+        config: &Config<M, P, B>,
+        wanted: impl Iterator<Item = Position>,
+        go: impl FnMut(&Segment, Position, [i32; ACTUATORS], Position) -> Move,
+    ) -> Limits {
+        self.walk(config, wanted, go)
+    }
+
+    /// Wanted positions to positions and heights by `go`, from where a segment is.
+    #[inline(always)]
+    fn walk<W, const P: usize, const B: usize>(
         &mut self,
         config: &Config<M, P, B>,
         wanted: impl Iterator<Item = W>,

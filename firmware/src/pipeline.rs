@@ -173,6 +173,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     }
 
     /// Lets the flux limits of the frame that has begun be for `seen` of `asked` laser pulses.
+    #[inline(never)]
     pub(crate) fn scale_flux(&mut self, seen: u32, asked: u32) {
         let part = (u64::from(seen) << 16).checked_div(u64::from(asked));
         self.lacking_q16 =
@@ -329,6 +330,9 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     }
 
     /// A complete frame moves the mirror.
+    ///
+    /// Not inlined: a board may keep it in other memory than what decides on it.
+    #[inline(never)]
     pub(crate) fn follow<const P: usize>(
         &mut self,
         config: &Config<M, P, B>,

@@ -1,7 +1,7 @@
 //! The long run, a hundredth of it: `host-sim endure` runs a million frames.
 
 use host_sim::board::{Board, BoardError, Options, ibex, in_process};
-use host_sim::endurance::{Endurance, SETTLE};
+use host_sim::endurance::Endurance;
 use host_sim::instrument::Instrument;
 use host_sim::reconstructor::Reconstructor;
 

@@ -1,12 +1,14 @@
 //! Blocks of rows as the DMA leaves them, through interrupts and queues, to the DACs: the codes are those of the
 //! library given the same frames row by row, whatever is late, short or lost.
 
-use crate::rig::{M, P, PULSES, Rig, bank, detector_frames};
+use crate::rig::{M, P, PULSES, Rig, bank, bank_of, detector_frames, instrument, next};
+use splash_firmware::fault::Fault;
+use splash_firmware::mode::Mode;
 use splash_firmware::pipeline::{GlobalTilt, Hold, Outcome, Pipeline};
+use splash_tests::instrument::Values;
 use stm32h743_logic::frame_loop::Record;
 use stm32h743_logic::queues::News;
-use stm32h743_logic::ring::Fault;
-use stm32h743_logic::shape::Shape;
+use stm32h743_logic::ring;
 
 /// The library alone.
 struct Plain {
@@ -41,7 +43,7 @@ fn records(news: &[News]) -> Vec<Record> {
     news.iter().filter_map(record).collect()
 }
 
-fn faults(news: &[News]) -> Vec<Fault> {
+fn faults(news: &[News]) -> Vec<ring::Fault> {
     let fault = |news: &News| match news {
         News::Frame(_) => None,
         News::Fault(fault) => Some(*fault),
@@ -57,9 +59,13 @@ fn codes_are_those_of_the_library_row_by_row() {
         rig.frame(100 + PULSES * number, pixels);
         assert_eq!(rig.sent(), [plain.frame(number, pixels)], "frame {number}");
         let record = records(&rig.told())[0];
-        assert_eq!(record.report.frame, number);
-        assert_eq!(record.report.outcome, Outcome::Updated);
-        assert_eq!((record.tick.missed, record.tick.slip, record.sent), (0, 0, true));
+        assert_eq!(record.result.report.frame, number);
+        assert_eq!(record.result.report.outcome, Outcome::Updated);
+        let gate = record.result.gate;
+        // Nothing was gated before the first frame that began.
+        let asked = if number == 0 { 0 } else { PULSES };
+        assert_eq!((gate.asked, gate.seen, record.sent), (asked, PULSES, true));
+        assert_eq!((record.result.mode, record.result.fault), (Mode::ClosedLoop, None));
         assert!(record.tilt_squared_ulp2 > 0);
         // The model's counter counts its readings: two a block of 16 rows; one between each two stages.
         assert_eq!((record.cycles.rows, record.cycles.stages), (4, [1; 5]));
@@ -95,7 +101,7 @@ fn a_ring_that_is_full_is_told_and_the_next_frames_are_right() {
     }
     rig.run();
     let news = rig.told();
-    assert_eq!(faults(&news), [Fault::Full]);
+    assert_eq!(faults(&news), [ring::Fault::Full]);
     let expected =
         (0..6).map(|number| plain.frame(number, &frames[number as usize])).collect::<Vec<_>>();
     assert!(rig.sent() == expected, "codes");
@@ -127,9 +133,12 @@ fn a_frame_of_another_length_spoils_no_other() {
         }
         let news = rig.told();
         let whole_blocks = rows % 16 == 0 && rows <= 64;
-        let expected: &[Fault] = if whole_blocks { &[] } else { &[Fault::Astray] };
+        let expected: &[ring::Fault] = if whole_blocks { &[] } else { &[ring::Fault::Astray] };
         assert_eq!(faults(&news), expected, "{rows} rows");
-        let outcome = records(&news).iter().find(|r| r.report.frame == 2).map(|r| r.report.outcome);
+        let outcome = records(&news)
+            .iter()
+            .find(|r| r.result.report.frame == 2)
+            .map(|r| r.result.report.outcome);
         match rows {
             // Without a block it is known from the count of pulses only.
             0..16 => assert_eq!(outcome, None),
@@ -137,7 +146,11 @@ fn a_frame_of_another_length_spoils_no_other() {
             _ => assert_eq!(outcome, Some(Outcome::Updated)),
         }
         let last = records(&news).last().copied().expect("a frame");
-        assert_eq!((last.report.frame, last.report.outcome), (5, Outcome::Updated), "{rows}");
+        assert_eq!(
+            (last.result.report.frame, last.result.report.outcome),
+            (5, Outcome::Updated),
+            "{rows}"
+        );
         // The loop's past is that of a library which was told of every exposure.
         assert_eq!(rig.sent().last().expect("codes"), plain.pipeline.codes(), "{rows} rows");
     }
@@ -146,12 +159,12 @@ fn a_frame_of_another_length_spoils_no_other() {
 #[test]
 fn lost_pixels_and_late_interrupts_hold_one_frame() {
     let frames = detector_frames(6);
-    for fault in [Fault::Overrun, Fault::Late] {
+    for fault in [ring::Fault::Overrun, ring::Fault::Late] {
         let ((mut rig, _), mut plain) = (Rig::reading(), Plain::new());
         rig.frame(0, &frames[0]);
         plain.frame(0, &frames[0]);
-        rig.hardware.overrun = fault == Fault::Overrun;
-        rig.hardware.masked = usize::from(fault == Fault::Late);
+        rig.hardware.overrun = fault == ring::Fault::Overrun;
+        rig.hardware.masked = usize::from(fault == ring::Fault::Late);
         rig.frame(PULSES, &frames[1]);
         plain.frame(1, &[]);
         for number in 2..6 {
@@ -161,14 +174,14 @@ fn lost_pixels_and_late_interrupts_hold_one_frame() {
         }
         let news = rig.told();
         assert_eq!(faults(&news), [fault]);
-        assert_eq!(records(&news).last().expect("a frame").report.frame, 5);
+        assert_eq!(records(&news).last().expect("a frame").result.report.frame, 5);
         assert_eq!(rig.sent().last().expect("codes"), plain.pipeline.codes(), "{fault:?}");
     }
 }
 
 #[test]
 fn frames_that_never_came_are_held_in_the_loops_past() {
-    let ((mut rig, _), mut plain) = (Rig::reading(), Plain::new());
+    let ((mut rig, mut main), mut plain) = (Rig::reading(), Plain::new());
     let frames = detector_frames(8);
     for number in [0, 1, 4, 5] {
         rig.frame(PULSES * number, &frames[number as usize]);
@@ -178,16 +191,17 @@ fn frames_that_never_came_are_held_in_the_loops_past() {
         }
         assert_eq!(rig.sent(), [plain.frame(number, &frames[number as usize])]);
     }
-    let records = records(&rig.told());
-    let missed = records.iter().map(|record| record.tick.missed).collect::<Vec<_>>();
-    assert_eq!(missed, [0, 0, 2, 0]);
+    let books = main.books(&mut rig);
+    assert_eq!(books.faults[Fault::FrameMissing.kind()], 2);
+    assert_eq!(books.mode, Mode::ClosedLoop);
 }
 
 #[test]
 fn the_main_loop_asks_and_is_answered() {
-    let (mut rig, mut asking) = Rig::reading();
+    let (mut rig, mut main) = Rig::reading();
+    let asking = &mut main.asking;
     let mut plain = Plain::new();
-    let frames = detector_frames(4);
+    let frames = detector_frames(3);
     let mut none = || false;
     assert!(asking.next_frame(&mut none).is_none(), "no detector");
     rig.run();
@@ -203,7 +217,7 @@ fn the_main_loop_asks_and_is_answered() {
     });
     let state = state.expect("a frame");
     plain.frame(1, &frames[1]);
-    assert_eq!(state.report.expect("a frame").frame, 1);
+    assert_eq!(state.result.expect("a frame").report.frame, 1);
     assert_eq!(state.codes, plain.pipeline.codes());
     assert_eq!(state.measurements, plain.pipeline.measurements());
     assert_eq!(state.slopes, plain.pipeline.slopes());
@@ -215,16 +229,6 @@ fn the_main_loop_asks_and_is_answered() {
     rig.frame(PULSES * 2, &frames[2]);
     plain.pipeline.set_global_tilt(tilt);
     assert_eq!(*rig.sent().last().expect("codes"), plain.frame(2, &frames[2]));
-
-    let state = asking.reset(&mut || {
-        rig.run();
-        true
-    });
-    plain.pipeline.reset(plain.bank);
-    assert_eq!(state.codes, plain.pipeline.codes());
-    assert_eq!(rig.sent(), [plain.pipeline.codes().to_vec()], "the flat mirror");
-    rig.frame(PULSES * 3, &frames[3]);
-    assert_eq!(rig.sent(), [plain.frame(3, &frames[3])]);
 }
 
 /// What was asked for and not waited for stands in nobody's way, whether it has come or not.
@@ -232,31 +236,24 @@ fn the_main_loop_asks_and_is_answered() {
 fn an_answer_that_came_too_late_is_not_taken_for_another() {
     let frames = detector_frames(2);
     for comes in [false, true] {
-        let (mut rig, mut asking) = Rig::reading();
-        assert!(asking.next_frame(&mut || false).is_none());
+        let (mut rig, mut main) = Rig::reading();
+        assert!(main.asking.next_frame(&mut || false).is_none());
         rig.run();
         if comes {
             rig.frame(0, &frames[0]);
         }
-        let shape = Shape::new(64, 64, 12).expect("readable");
-        let before = asking.exchange(bank(), shape, &mut || {
-            rig.run();
-            true
-        });
-        assert_eq!(before.subapertures(), 52);
-        assert!(asking.next_frame(&mut || false).is_none());
-        let state = asking.reset(&mut || {
-            rig.run();
-            true
-        });
-        assert_eq!(state.report, None);
+        main.exchange(&mut rig, bank());
+        assert_eq!(main.running.subapertures(), 0, "the half that is left of the first bank");
+        assert!(main.asking.next_frame(&mut || false).is_none());
+        let books = main.books(&mut rig);
+        assert_eq!(books.last.is_some(), comes);
         let number = u32::from(comes);
-        let state = asking.next_frame(&mut || {
+        let state = main.asking.next_frame(&mut || {
             rig.run();
             rig.frame(PULSES * number, &frames[number as usize]);
             true
         });
-        assert_eq!(state.expect("a frame").report.expect("its report").frame, number);
+        assert_eq!(state.expect("a frame").result.expect("its report").report.frame, number);
     }
 }
 
@@ -277,30 +274,36 @@ fn a_stamp_is_not_taken_for_that_of_the_frame_before() {
 }
 
 #[test]
-fn banks_are_exchanged_at_once_even_in_the_middle_of_a_frame() {
-    let (mut rig, mut asking) = Rig::reading();
-    let frames = detector_frames(3);
-    rig.frame(0, &frames[0][..20 * 64]);
-    let shape = Shape::new(64, 64, 12).expect("readable");
+fn a_bank_waits_for_the_end_of_the_frame_that_is_being_read() {
+    let ((mut rig, mut main), mut plain) = (Rig::reading(), Plain::new());
+    let frames = detector_frames(2);
+    rig.frame(0, &frames[0]);
+    plain.frame(0, &frames[0]);
+    rig.sent();
+    let (first, rest) = frames[1].split_at(20 * 64);
+    rig.rows(PULSES, first);
+    let mut half_gain = instrument();
+    half_gain.control_gain = Values::Uniform(0.25);
     let mut waits = 0;
-    let before = asking.exchange(bank(), shape, &mut || {
+    let before = main.asking.exchange(next(bank_of(&half_gain)), &mut || {
         waits += 1;
         rig.run();
+        if waits == 3 {
+            rig.rest(rest);
+        }
+        assert!(waits < 10);
         true
     });
-    assert_eq!(before.subapertures(), 52, "the bank that was in use");
-    assert!(waits <= 2);
-    rig.frame(PULSES, &frames[1]);
-    rig.sent();
-    rig.frame(PULSES * 2, &frames[2]);
-    let mut plain = Plain::new();
-    plain.frame(1, &frames[1]);
-    assert_eq!(rig.sent(), [plain.frame(2, &frames[2])]);
+    assert!(waits >= 3, "in the middle of a frame nothing changes");
+    assert_eq!(before.expect("the same mask").subapertures(), 52, "the bank that ran before");
+    let sent = rig.sent();
+    assert_eq!(sent[0], plain.frame(1, &frames[1]), "the frame is the old bank's");
+    assert_eq!(sent.last(), sent.first(), "and the mirror stays");
 }
 
 #[test]
-fn dacs_that_are_busy_are_told() {
-    let (mut rig, _) = Rig::reading();
+fn dacs_that_do_not_take_codes_lead_to_safe() {
+    let (mut rig, mut main) = Rig::reading();
     let frames = detector_frames(2);
     rig.dacs.busy.set(true);
     rig.frame(0, &frames[0]);
@@ -308,4 +311,7 @@ fn dacs_that_are_busy_are_told() {
     rig.dacs.busy.set(false);
     rig.frame(PULSES, &frames[1]);
     assert!(records(&rig.told())[0].sent);
+    let books = main.books(&mut rig);
+    assert_eq!(books.mode, Mode::Safe);
+    assert_eq!(books.faults[Fault::Dacs.kind()], 1);
 }

@@ -6,11 +6,16 @@ use host_sim::board::program::cargo_build;
 use object::elf::PT_LOAD;
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Endianness, Object, ObjectSection, ObjectSymbol, SymbolKind};
+use splash_firmware::config::Config;
+use splash_firmware::geometry::Mask;
+use splash_firmware::last_words::LastWords;
+use splash_tests::instrument::Instrument;
 use splash_tests::memory_map::{Region, bare, regions};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::OnceLock;
+use stm32h743_logic::flash;
 
 const BOARD: &str = "firmware/boards/stm32h743";
 /// The top-level map: the only one there is.
@@ -21,24 +26,45 @@ const DMA1_STREAM0: usize = EXCEPTIONS + 11;
 const DCMI: usize = EXCEPTIONS + 78;
 const PEND_SV: usize = 14;
 
-/// Modules that a frame passes: the library's, and the board's.
-const FRAME_PATH: [&str; 15] = [
-    "15splash_firmware8pipeline",
-    "15splash_firmware7readout",
-    "15splash_firmware8centroid",
-    "15splash_firmware6pixels",
-    "15splash_firmware6slopes",
-    "15splash_firmware7control",
-    "15splash_firmware3sor",
-    "15splash_firmware6mirror",
-    "15splash_firmware8segments",
-    "15splash_firmware9actuators",
-    "15splash_firmware3dsp",
-    "15splash_firmware5fixed",
-    "15stm32h743_logic10frame_loop",
-    "15stm32h743_logic6queues",
-    "15stm32h743_logic9dac_burst",
+/// Modules that a frame passes which a closed loop follows: the library's, and the board's; with a
+/// function of those that have others as well.
+const FRAME_PATH: [(&str, &str); 19] = [
+    ("15splash_firmware8pipeline", "6follow"),
+    ("15splash_firmware8pipeline", "6commit"),
+    ("15splash_firmware8pipeline", "6retain"),
+    ("15splash_firmware8pipeline", "12take_special"),
+    ("15splash_firmware7readout", ""),
+    ("15splash_firmware8centroid", ""),
+    ("15splash_firmware6pixels", ""),
+    ("15splash_firmware6slopes", ""),
+    ("15splash_firmware7control", ""),
+    ("15splash_firmware3sor", ""),
+    ("15splash_firmware6mirror", "7advance"),
+    ("15splash_firmware6mirror", "5drive"),
+    ("15splash_firmware8segments", "10tilt_scale"),
+    ("15splash_firmware9actuators", ""),
+    ("15splash_firmware3dsp", ""),
+    ("15splash_firmware5fixed", ""),
+    ("15stm32h743_logic10frame_loop", ""),
+    ("15stm32h743_logic6queues", ""),
+    ("15stm32h743_logic9dac_burst", ""),
 ];
+
+/// What the frames' exception calls in flash, and what for.
+const IN_FLASH: [(&str, &str); 6] = [
+    ("15splash_firmware10controller", "10not_follow"), // a frame that moves the mirror to no command
+    ("15splash_firmware4mode", "4fall"),               // a fault leads to safe
+    ("15splash_firmware5fault", "10book_times"),       // a fault is booked
+    ("15splash_firmware8pipeline", "10scale_flux"),    // a frame that lacks pulses
+    ("15stm32h743_logic6rounds", ""),                  // behind the codes
+    ("15stm32h743_logic7answers", ""),                 // the main loop asks
+];
+
+fn is_among(name: &str, functions: &[(&str, &str)]) -> bool {
+    functions.iter().any(|(module, function)| {
+        name.split_once(module).is_some_and(|(_, rest)| rest.contains(function))
+    })
+}
 
 fn top() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the source tree")
@@ -143,6 +169,41 @@ fn what_is_loaded_from_flash_does_not_overlap() {
     }
 }
 
+/// The store is not the program's, and is where the board looks for it; a slot takes an instrument of 8 x 8
+/// subapertures with windows of 16 x 16 pixels.
+#[test]
+fn the_store_is_left_alone_and_large_enough() {
+    let map = map();
+    let store = Region { origin: flash::BASE.into(), length: (2 * flash::SECTOR) as u64 };
+    assert_eq!(map["STORE"], store);
+    // Bank 1, which is read while bank 2 is written.
+    assert_eq!((map["FLASH"].origin, map["FLASH"].end()), (0x0800_0000, 0x0810_0000));
+    let mut config = Box::new(Config::<64, 16_384, 0>::new());
+    config.build(&Instrument::new(Mask::square(8).expect("64 cells"), 16).spec()).expect("valid");
+    let mut bytes = 0;
+    config.save(&mut |piece| bytes += piece.len());
+    println!("image of 64 subapertures: {bytes} bytes of {}", flash::SECTOR);
+    assert!(bytes + 64 <= flash::SECTOR);
+    let Some(image) = image() else { return };
+    for [to, at, bytes] in loaded(&elf(image)) {
+        for address in [to, at] {
+            assert!(address + bytes <= store.origin || address >= store.end(), "{address:#x}");
+        }
+    }
+}
+
+/// The start neither zeroes nor fills them.
+#[test]
+fn last_words_outlive_a_reset() {
+    let Some(image) = image() else { return };
+    let elf = elf(image);
+    let (address, bytes) = section(&elf, ".uninit");
+    let words = elf.symbols().find(|s| s.name().is_ok_and(|n| n.contains("6memory10LAST_WORDS")));
+    let words = words.expect("last words");
+    assert!((address..address + bytes).contains(&words.address()));
+    assert!(words.size() >= size_of::<LastWords>() as u64);
+}
+
 #[test]
 fn the_vector_table_is_where_the_processor_looks_for_it() {
     let Some(image) = image() else { return };
@@ -171,7 +232,7 @@ fn the_frame_path_lies_in_itcm() {
     let (elf, map) = (elf(image), map());
     let mut seen = 0;
     for (name, address) in functions(&elf) {
-        let hot = FRAME_PATH.iter().any(|module| name.contains(module));
+        let hot = is_among(name, &FRAME_PATH);
         // A thunk is a jump to another memory, named after its aim.
         if hot && !name.contains("Thunk") {
             assert!(map["ITCM"].holds(address, 1), "{name} at {address:#x}");
@@ -184,14 +245,13 @@ fn the_frame_path_lies_in_itcm() {
 /// ITCM is too far from flash for a branch: the linker makes a thunk for each function that is called
 /// there, named after it.
 #[test]
-fn the_frame_path_calls_nothing_in_flash() {
+fn what_a_followed_frame_needs_before_its_codes_is_not_in_flash() {
     let Some(image) = image() else { return };
     let (elf, map) = (elf(image), map());
     let thunks = functions(&elf).filter(|(name, _)| name.contains("Thunk"));
     let (inside, outside): (Vec<_>, Vec<_>) =
         thunks.partition(|&(_, address)| map["ITCM"].holds(address, 1));
-    // Answers to the main loop are no part of a frame.
-    let mut inside = inside.iter().filter(|(name, _)| !name.contains("15stm32h743_logic7answers"));
+    let mut inside = inside.iter().filter(|(name, _)| !is_among(name, &IN_FLASH));
     assert_eq!(inside.next(), None, "calls from ITCM to flash");
     assert!(!outside.is_empty(), "no calls from flash to ITCM: have thunks another name?");
 }
@@ -236,7 +296,9 @@ fn statics_lie_where_their_users_can_reach_them() {
         ("6memory4RING", "AXISRAM", true),
         ("6memory9DAC_WORDS", "SRAM123", true),
         ("6memory9LINK_RING", "SRAM123", true),
-        ("8geometry8PIPELINE", "RAM", false),
+        ("8geometry10CONTROLLER", "RAM", false),
+        ("8geometry9TELEMETRY", "RAM", false),
+        ("6memory10LAST_WORDS", "RAM", false),
         ("8geometry6QUEUES", "RAM", false),
         ("10interrupts4ROWS", "RAM", false),
         ("10interrupts6FRAMES", "RAM", false),

@@ -3,16 +3,25 @@
 
 use heapless::spsc::Consumer;
 use splash_firmware::config::Config;
-use splash_firmware::pipeline::Pipeline;
+use splash_firmware::controller::{Command, Controller};
+use splash_firmware::interlock::{Inputs, Outputs};
+use splash_firmware::mode::Mode;
+use splash_firmware::telemetry::{Record as Telemetry, Ring};
 use splash_tests::frames::{Background, Rng, frame, scattered};
 use splash_tests::instrument::Instrument;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
+use stm32h743_logic::answers::{Books, Next};
 use stm32h743_logic::asking::Asking;
+use stm32h743_logic::bank::{Half, split};
+use stm32h743_logic::clocks::{CORE_HZ, TIMER_HZ};
 use stm32h743_logic::dac_bus::DacBus;
 use stm32h743_logic::frame_loop::{Counter, FrameLoop};
-use stm32h743_logic::queues::{Detector, FrameSide, News, Queues, RowSide};
+use stm32h743_logic::gate::GateTimer;
+use stm32h743_logic::queues::{FrameSide, Hardware, News, Queues, RowSide};
 use stm32h743_logic::ring::Fault;
+use stm32h743_logic::rounds::TIMES;
+use stm32h743_logic::service::{SERIALS, fit};
 use stm32h743_logic::shape::{RING_BYTES, Shape};
 
 pub(crate) const M: usize = 64;
@@ -20,6 +29,8 @@ pub(crate) const P: usize = 4096;
 pub(crate) type Bank = Config<M, P, 0>;
 /// Laser pulses of a frame.
 pub(crate) const PULSES: u32 = 10;
+/// Cycles of a frame: those pulses at 10 kHz.
+pub(crate) const FRAME_CYCLES: u32 = CORE_HZ / 10_000 * PULSES;
 
 /// 8 x 8 subapertures in a circle, windows of 8 x 8 pixels.
 pub(crate) fn instrument() -> Instrument {
@@ -38,9 +49,20 @@ pub(crate) fn detector_frames(count: usize) -> Vec<Vec<u16>> {
 
 /// A bank for that instrument.
 pub(crate) fn bank() -> &'static mut Bank {
+    bank_of(&instrument())
+}
+
+/// A bank for another one.
+pub(crate) fn bank_of(instrument: &Instrument) -> &'static mut Bank {
     let bank = Box::leak(Box::new(Config::new()));
-    bank.build(&instrument().spec()).expect("valid");
+    bank.build(&instrument.spec()).expect("valid");
     bank
+}
+
+/// As the main loop hands it over, with a calibration that fits.
+pub(crate) fn next(bank: &'static mut Bank) -> Next<M, P, 0> {
+    let (hash, shape) = (bank.hash(), fit(bank).expect("readable"));
+    Next { bank: split(bank).0, hash, shape, calibrated: true }
 }
 
 /// DACs that keep what they were given, and are busy when they are told to.
@@ -62,19 +84,22 @@ impl DacBus for Dacs {
     }
 }
 
-/// A counter that counts how often it is read.
-#[derive(Default)]
-pub(crate) struct Reads(Cell<u32>);
+/// A counter that counts how often it is read, and which the test moves on.
+#[derive(Clone, Default)]
+pub(crate) struct Reads(pub(crate) Rc<Cell<u32>>);
 
 impl Counter for Reads {
     fn now(&self) -> u32 {
-        self.0.set(self.0.get() + 1);
+        self.0.set(self.0.get().wrapping_add(1));
         self.0.get()
     }
 }
 
-/// DCMI, its DMA and both interrupts.
-pub(crate) struct Hardware {
+/// Both chains closed.
+pub(crate) const PERMITTED: Inputs = Inputs { laser_permit: true, high_voltage_ready: true };
+
+/// DCMI, its DMA and both interrupts; pins and the gate's timer.
+pub(crate) struct Parts {
     rows: RowSide<'static>,
     ring: Vec<u16>,
     shape: Option<Shape>,
@@ -89,9 +114,14 @@ pub(crate) struct Hardware {
     pub(crate) overrun: bool,
     /// Blocks for which the interrupts are held up.
     pub(crate) masked: usize,
+    pub(crate) inputs: Inputs,
+    pub(crate) outputs: Outputs,
+    /// What the gate's timer was set to.
+    pub(crate) gates: Vec<GateTimer>,
+    time: Rc<Cell<u32>>,
 }
 
-impl Hardware {
+impl Parts {
     pub(crate) fn begin(&mut self, stamp: u32) {
         self.stamp = Some(stamp);
         self.waiting = false;
@@ -126,7 +156,7 @@ impl Hardware {
             self.rows.lost(Fault::Overrun);
             None
         } else {
-            self.rows.complete(self.second, || self.stamp.take(), 0)
+            self.rows.complete(self.second, || self.stamp.take(), self.time.get())
         };
         match aimed {
             Some((complete, _)) => self.aim[usize::from(complete.second)] = complete.next,
@@ -135,7 +165,7 @@ impl Hardware {
     }
 }
 
-impl Detector for Hardware {
+impl Hardware for Parts {
     fn pixels(&mut self, shape: &Shape, slot: u16) -> &[u16] {
         let first = shape.offset(slot) / 2;
         &self.ring[first..first + shape.pixels()]
@@ -147,30 +177,54 @@ impl Detector for Hardware {
         self.stamp = None;
         (self.aim, self.second, self.filled, self.waiting) = ([0, 1], false, 0, true);
     }
+
+    fn inputs(&mut self) -> Inputs {
+        self.inputs
+    }
+
+    fn enable(&mut self, outputs: Outputs) {
+        self.outputs = outputs;
+    }
+
+    fn gate(&mut self, timer: GateTimer) {
+        self.gates.push(timer);
+    }
 }
 
 /// All of it.
 pub(crate) struct Rig {
-    pub(crate) hardware: Hardware,
+    pub(crate) hardware: Parts,
     pub(crate) frames: FrameSide<'static, Dacs, Reads, M, P, 0>,
     pub(crate) news: Consumer<'static, News>,
     pub(crate) dacs: Dacs,
+    /// Cycles.
+    pub(crate) time: Rc<Cell<u32>>,
     /// Frames are worked on after each row; else only when it is told to.
     pub(crate) prompt: bool,
 }
 
+/// The main loop's ends.
+pub(crate) struct Main {
+    pub(crate) asking: Asking<'static, M, P, 0>,
+    pub(crate) telemetry: Consumer<'static, Telemetry>,
+    /// Its half of the bank that runs.
+    pub(crate) running: Half<M, P, 0>,
+}
+
 impl Rig {
-    /// A board as it is after its start, and the main loop's way to ask.
-    pub(crate) fn new() -> (Self, Asking<'static, M, P, 0>) {
+    /// A board as it is after its start, and what its main loop has.
+    pub(crate) fn new() -> (Self, Main) {
         let ends = Box::leak(Box::new(Queues::<M, P, 0>::new())).split();
-        let dacs = Dacs::default();
+        let (dacs, time) = (Dacs::default(), Reads::default());
+        let (mine, theirs) = split(Box::leak(Box::new(Config::new())));
         let frames = FrameLoop::new(
-            Box::leak(Box::new(Pipeline::new())),
-            Box::leak(Box::new(Config::new())),
+            Box::leak(Box::new(Controller::new(SERIALS, TIMES, TIMER_HZ))),
+            Box::leak(Box::new(Ring::new())),
+            theirs,
             dacs.clone(),
-            Reads::default(),
+            time.clone(),
         );
-        let hardware = Hardware {
+        let hardware = Parts {
             rows: ends.rows,
             ring: vec![0; RING_BYTES / 2],
             shape: None,
@@ -181,22 +235,40 @@ impl Rig {
             stamp: None,
             overrun: false,
             masked: 0,
+            inputs: PERMITTED,
+            outputs: Outputs::default(),
+            gates: Vec::new(),
+            time: time.0.clone(),
         };
         let frames = FrameSide::new(frames, ends.frames);
-        (Self { hardware, frames, news: ends.news, dacs, prompt: true }, ends.asking)
+        let main = Main { asking: ends.asking, telemetry: ends.telemetry, running: mine };
+        (Self { hardware, frames, news: ends.news, dacs, time: time.0, prompt: true }, main)
     }
 
-    /// One that reads the instrument's detector.
-    pub(crate) fn reading() -> (Self, Asking<'static, M, P, 0>) {
-        let (mut rig, mut asking) = Self::new();
-        let bank = bank();
-        let shape = Shape::new(bank.width(), bank.height(), bank.bits()).expect("readable");
-        asking.exchange(bank, shape, &mut || {
-            rig.run();
-            true
-        });
-        rig.dacs.sent.borrow_mut().clear();
-        (rig, asking)
+    /// One that reads a detector, in a closed loop, with everything on.
+    pub(crate) fn closed(bank: &'static mut Bank) -> (Self, Main) {
+        let (mut rig, mut main) = Self::new();
+        rig.run();
+        main.operator(&mut rig, Command::Arm);
+        // The high voltage settles before there is a detector whose frames could be missing.
+        rig.pass(TIMES.settle_ticks as u32);
+        main.exchange(&mut rig, bank);
+        main.operator(&mut rig, Command::Enter(Mode::Standby));
+        main.operator(&mut rig, Command::Enter(Mode::ClosedLoop));
+        rig.sent();
+        rig.told();
+        (rig, main)
+    }
+
+    /// Such a one for the instrument.
+    pub(crate) fn reading() -> (Self, Main) {
+        Self::closed(bank())
+    }
+
+    /// Time passes, and the exception runs.
+    pub(crate) fn pass(&mut self, cycles: u32) {
+        self.time.set(self.time.get().wrapping_add(cycles));
+        self.run();
     }
 
     /// Lets the frames' exception run.
@@ -242,5 +314,33 @@ impl Rig {
     /// The codes that went to the DACs since this was last called.
     pub(crate) fn sent(&mut self) -> Vec<Vec<[u16; 3]>> {
         self.dacs.sent.take()
+    }
+}
+
+impl Main {
+    /// What an operator asks for and gets.
+    pub(crate) fn operator(&mut self, rig: &mut Rig, command: Command) {
+        let done = self.asking.operator(command, &mut || {
+            rig.run();
+            true
+        });
+        assert_eq!(done, Ok(()), "{command:?}");
+    }
+
+    /// Another bank at once.
+    pub(crate) fn exchange(&mut self, rig: &mut Rig, bank: &'static mut Bank) {
+        let exchanged = self.asking.exchange(next(bank), &mut || {
+            rig.run();
+            true
+        });
+        assert!(exchanged.is_ok(), "{exchanged:?}");
+    }
+
+    /// What the controller keeps books of.
+    pub(crate) fn books(&mut self, rig: &mut Rig) -> Books {
+        self.asking.books(&mut || {
+            rig.run();
+            true
+        })
     }
 }

@@ -1,9 +1,10 @@
 //! Requests about configurations: what is done to the other bank, what is asked of the running one.
 
-use crate::{Link, Outbox};
+use crate::{Link, Outbox, Pieces};
 use embedded_storage::nor_flash::NorFlash;
-use splash_firmware::banks::{Banks, Draft};
+use splash_firmware::banks::{BankError, Banks, Draft};
 use splash_firmware::config::Config;
+use splash_firmware::image::ImageError;
 use splash_firmware::link::{PIECE, Reason, Request, Response};
 use splash_firmware::store::Store;
 
@@ -29,6 +30,30 @@ pub fn draft<const M: usize, const P: usize, const B: usize>(
         Ok(()) => Response::Draft(draft.state()),
         Err(error) => Response::Refused(error.into()),
     })
+}
+
+/// Takes an image of `length` bytes into the other bank.
+///
+/// # Errors
+/// A [`BankError`]; the bank is then empty.
+pub fn load<T: Link, const M: usize, const P: usize, const B: usize>(
+    draft: &mut Draft<'_, M, P, B>,
+    pieces: &mut Pieces<'_, T>,
+    length: u32,
+) -> Result<(), BankError> {
+    draft.begin(length)?;
+    let mut due = 0;
+    while due < length {
+        let mut piece = [0; PIECE];
+        let room = PIECE.min(length.saturating_sub(due) as usize);
+        let bytes = piece.get_mut(..room).unwrap_or_default();
+        if !pieces.fill(bytes) {
+            draft.discard();
+            return Err(BankError::Image(ImageError::Cut));
+        }
+        due = draft.chunk(due, bytes)?;
+    }
+    Ok(())
 }
 
 /// Tells of the running configuration what is asked; `None` for a request about something else.

@@ -9,10 +9,9 @@ use splash_firmware::controller::{Command, Controller, FrameResult, Start};
 use splash_firmware::fault::Moment;
 use splash_firmware::gate::GateStamp;
 use splash_firmware::identity;
-use splash_firmware::image::ImageError;
 use splash_firmware::interlock::{Inputs, Times};
 use splash_firmware::link::{
-    Counters, Identity, Message, PIECE, Reason, Receiver, Request, Response, Status,
+    Counters, Identity, Message, Reason, Receiver, Request, Response, Status,
 };
 use splash_firmware::mirror::Serials;
 use splash_firmware::mode::{Mode, Refusal};
@@ -306,20 +305,8 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
 
     /// An image from the link, to run at once.
     fn load<T: Link>(&mut self, pieces: &mut Pieces<'_, T>, length: u32) -> Result<(), BankError> {
-        let draft = &mut self.banks.draft;
-        draft.begin(length)?;
-        let mut due = 0;
-        while due < length {
-            let mut piece = [0; PIECE];
-            let room = PIECE.min(length.saturating_sub(due) as usize);
-            let bytes = piece.get_mut(..room).unwrap_or_default();
-            if !pieces.fill(bytes) {
-                draft.discard();
-                return Err(BankError::Image(ImageError::Cut));
-            }
-            due = draft.chunk(due, bytes)?;
-        }
-        draft.switch()?;
+        parameters::load(&mut self.banks.draft, pieces, length)?;
+        self.banks.draft.switch()?;
         self.controlled = false;
         self.boundary();
         self.open_on_the_bench();

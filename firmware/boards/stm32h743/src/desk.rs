@@ -1,18 +1,19 @@
-//! The main loop's duties: the link, interlock, watchdog and log. They are done in every wait.
+//! The main loop's duties: the link, watchdog and log. They are done in every wait.
 
 use crate::counter::{Cycles, milliseconds};
-use crate::{enables, gate, interrupts, stack, uart};
+use crate::flash::Bank2;
+use crate::{gate, interrupts, stack, uart};
 use core::convert::Infallible;
 use embassy_stm32::peripherals::IWDG1;
 use embassy_stm32::wdg::IndependentWatchdog;
 use heapless::spsc::Consumer;
-use splash_firmware::interlock::{Interlock, Lost, Times};
+use splash_firmware::fault::Fault;
 use splash_firmware::link::Stack;
 use splash_firmware::strehl;
 use splash_firmware::watchdog::{Part, Watchdog};
 use splash_server::Link;
+use stm32h743_logic::flash::Flash;
 use stm32h743_logic::frame_loop::{Counter, Record};
-use stm32h743_logic::gate::GateTicks;
 use stm32h743_logic::queues::News;
 use stm32h743_logic::service::Board;
 
@@ -20,8 +21,6 @@ use stm32h743_logic::service::Board;
 const PATIENCE_MS: u32 = 1_000;
 /// Bytes that are sent before the other duties are looked at again: 174 us.
 const SENT_AT_ONCE: usize = 16;
-/// From the high voltage's enable to the laser's, ms.
-const SETTLE_MS: u32 = 100;
 /// Frames from one line of the log to the next.
 const LOG_FRAMES: u32 = 1_000;
 /// Wavelength of the Strehl ratio in the log, nm.
@@ -32,14 +31,11 @@ pub(crate) struct Desk {
     link: uart::Link,
     watchdog: IndependentWatchdog<'static, IWDG1>,
     news: Consumer<'static, News>,
-    interlock: Interlock,
     cycle: Watchdog,
-    /// Cycles since the start, as of the last round.
-    ticks: u64,
     /// Frames are taken from the detector.
     reading: bool,
     ulp_m: f64,
-    /// Frames and faults since the start.
+    /// Frames and faults of the detector since the start.
     frames: u32,
     faults: u32,
     /// Cycles, of the slowest of the frames since the last line of the log.
@@ -57,13 +53,7 @@ impl Desk {
             link,
             watchdog,
             news,
-            // The mirror is flat as soon as the loop is opened.
-            interlock: Interlock::new(Times {
-                settle_ticks: milliseconds(SETTLE_MS).into(),
-                fall_ticks: 0,
-            }),
             cycle: Watchdog::new(),
-            ticks: 0,
             reading: false,
             ulp_m: 0.0,
             frames: 0,
@@ -73,16 +63,12 @@ impl Desk {
         }
     }
 
-    /// A round of all duties but the link.
-    fn round(&mut self) {
-        let passed = Cycles.now().wrapping_sub(self.ticks as u32);
-        self.ticks = self.ticks.wrapping_add(passed.into());
-        let lost = self.interlock.step(enables::inputs(), true, self.ticks);
-        enables::set(self.interlock.outputs());
-        if lost != Lost::default() {
-            defmt::error!("interlock open, enables down: {}", lost);
+    /// A round of all duties but the link. The interlock is the frames' exception's, which this wakes.
+    pub(crate) fn round(&mut self) {
+        interrupts::wake();
+        if interrupts::ran() {
+            self.cycle.done(Part::Interlock);
         }
-        self.cycle.done(Part::Interlock);
         while let Some(news) = self.news.dequeue() {
             match news {
                 News::Frame(record) => self.frame(&record),
@@ -102,7 +88,9 @@ impl Desk {
     }
 
     fn frame(&mut self, record: &Record) {
-        if record.sent {
+        let result = &record.result;
+        // One that never came has not shown that others could.
+        if record.sent && result.fault != Some(Fault::FrameMissing) {
             self.cycle.done(Part::Frame);
         }
         self.frames = self.frames.wrapping_add(1);
@@ -110,18 +98,19 @@ impl Desk {
         if !self.frames.is_multiple_of(LOG_FRAMES) {
             return;
         }
-        let report = &record.report;
+        let report = &result.report;
         let rms_nm = strehl::tilt_rms_nm(record.tilt_squared_ulp2, report.valid, self.ulp_m);
         defmt::info!(
-            "frame {}: {}, {} valid, tilts {} nm rms, Strehl ratio of these {}; slowest tail {}, {}, {}",
+            "frame {} ({}): {}, {} valid, tilts {} nm rms, Strehl ratio of these {}; slowest tail {}, {}, {}",
             report.frame,
+            result.mode,
             report.outcome,
             report.valid,
             rms_nm,
             strehl::strehl(rms_nm, WAVELENGTH_NM),
             self.slowest,
             record.cycles,
-            record.tick,
+            result.gate,
         );
         self.slowest = 0;
     }
@@ -155,34 +144,31 @@ impl Link for Desk {
 }
 
 impl Board for Desk {
+    type Flash<'a> = Flash<Bank2<'a>>;
+
+    fn next(&mut self) -> Result<Option<u8>, Infallible> {
+        Ok(self.link.next())
+    }
+
     fn begin_wait(&mut self) {
         self.waiting_since = Cycles.now();
     }
 
     fn wait(&mut self) -> bool {
-        interrupts::wake();
         self.round();
         Cycles.now().wrapping_sub(self.waiting_since) < milliseconds(PATIENCE_MS)
     }
 
-    fn configured(&mut self, gate: GateTicks, ulp_m: f64) {
-        gate::set(gate);
-        self.ulp_m = ulp_m;
-        self.reading = true;
-    }
-
-    fn arm(&mut self) {
-        if let Err(inputs) = self.interlock.arm(enables::inputs(), self.ticks) {
-            defmt::warn!("interlock open, enables stay down: {}", inputs);
-        }
-    }
-
-    fn disarm(&mut self) {
-        self.interlock.disarm(self.ticks);
-        enables::off();
-    }
-
     fn stack(&self) -> Stack {
         stack::stack()
+    }
+
+    fn flash(&mut self) -> Flash<Bank2<'_>> {
+        Flash::new(Bank2 { desk: self })
+    }
+
+    fn configured(&mut self, ulp_m: f64) {
+        self.ulp_m = ulp_m;
+        self.reading = true;
     }
 }

@@ -31,6 +31,11 @@ pub(crate) fn set(outputs: Outputs) {
     }
 }
 
+/// Takes the laser's enable down, and leaves the high voltage as it is.
+pub(crate) fn laser_off() {
+    port(LASER_ENABLE).bsrr().write(|w| w.set_br(LASER_ENABLE.number.into(), true));
+}
+
 /// Takes both enables down.
 pub(crate) fn off() {
     set(Outputs { high_voltage: false, laser: false });

@@ -5,7 +5,7 @@
 
 use embassy_stm32::pac::timer::vals::{CcmrInputCcs, OcmGp, Sms, Ts, Urs};
 use embassy_stm32::pac::{RCC, TIM2, TIM5};
-use stm32h743_logic::gate::GateTicks;
+use stm32h743_logic::gate::GateTimer;
 
 /// Channel 3, of the gate and of VSYNC's stamp for the interrupts.
 const CH3: usize = 2;
@@ -50,9 +50,9 @@ pub(crate) fn start() {
 }
 
 /// Opens the gate so from the next pulse on: a pulse that is in flight keeps the gate it has.
-pub(crate) fn set(gate: GateTicks) {
-    TIM2.ccr(CH3).write_value(gate.delay);
-    TIM2.arr().write_value(gate.end());
+pub(crate) fn set(gate: GateTimer) {
+    TIM2.ccr(CH3).write_value(gate.compare);
+    TIM2.arr().write_value(gate.reload);
     if !TIM2.ccer().read().cce(CH3) {
         TIM2.egr().write(|w| w.set_ug(true));
         TIM2.ccer().modify(|w| w.set_cce(CH3, true));

@@ -1,10 +1,15 @@
 //! How large an instrument this image takes, and that it fits the board.
 
 use splash_firmware::config::Config;
-use splash_firmware::pipeline::Pipeline;
+use splash_firmware::controller::Controller;
+use splash_firmware::telemetry::Ring;
 use static_cell::ConstStaticCell;
+use stm32h743_logic::clocks::TIMER_HZ;
 use stm32h743_logic::dac_bus::SEGMENTS;
+use stm32h743_logic::frame_loop::RECORDS;
 use stm32h743_logic::queues::Queues;
+use stm32h743_logic::rounds::TIMES;
+use stm32h743_logic::service::SERIALS;
 use stm32h743_logic::shape::RING_BYTES;
 
 /// Cells of the subaperture grid: 8 x 8.
@@ -22,17 +27,20 @@ pub(crate) const B: usize = 2_048;
 pub(crate) const STACK_BYTES: usize = 32 << 10;
 /// DTCM, `RAM` in memory.x, bytes.
 const DTCM_BYTES: usize = 128 << 10;
-/// What the queues, the interrupts, the logs and the libraries have there beside the pipeline, bytes.
-const OTHERS_BYTES: usize = size_of::<Queues<M, P, B>>() + (8 << 10);
+/// What the queues, the interrupts, the logs and the libraries have there beside the controller, bytes.
+const OTHERS_BYTES: usize = size_of::<Queues<M, P, B>>() + size_of::<Ring<RECORDS>>() + (8 << 10);
 /// AXI SRAM, `AXISRAM` in memory.x, bytes.
 const AXI_BYTES: usize = 512 << 10;
 
 /// The hot state, in DTCM.
-pub(crate) static PIPELINE: ConstStaticCell<Pipeline<M, B>> = ConstStaticCell::new(Pipeline::new());
+pub(crate) static CONTROLLER: ConstStaticCell<Controller<M, B>> =
+    ConstStaticCell::new(Controller::new(SERIALS, TIMES, TIMER_HZ));
+/// Telemetry that waits for the link, in DTCM.
+pub(crate) static TELEMETRY: ConstStaticCell<Ring<RECORDS>> = ConstStaticCell::new(Ring::new());
 /// The queues, in DTCM.
 pub(crate) static QUEUES: ConstStaticCell<Queues<M, P, B>> = ConstStaticCell::new(Queues::new());
 
-const HOT: usize = size_of::<Pipeline<M, B>>() + OTHERS_BYTES + STACK_BYTES;
+const HOT: usize = size_of::<Controller<M, B>>() + OTHERS_BYTES + STACK_BYTES;
 const BANKS: usize = 2 * size_of::<Config<M, P, B>>() + RING_BYTES;
 
 const _: () = const_panic::concat_assert!(

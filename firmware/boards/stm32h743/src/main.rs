@@ -14,6 +14,7 @@ mod dacs;
 mod desk;
 mod detector;
 mod enables;
+mod flash;
 mod gate;
 mod geometry;
 mod handed;
@@ -28,9 +29,11 @@ mod uart;
 use cortex_m_rt::entry;
 use defmt_rtt as _;
 use embassy_stm32::wdg::IndependentWatchdog;
-use geometry::{B, M, P, PIPELINE, QUEUES};
+use geometry::{B, CONTROLLER, M, P, QUEUES, TELEMETRY};
+use stm32h743_logic::bank;
 use stm32h743_logic::frame_loop::FrameLoop;
 use stm32h743_logic::queues::FrameSide;
+use stm32h743_logic::restart;
 use stm32h743_logic::service::Service;
 
 /// How the board calls itself on the link.
@@ -49,10 +52,20 @@ fn main() -> ! {
     pins::connect();
     gate::start();
 
+    let controller = CONTROLLER.take();
+    if let Some(words) = &memory.said {
+        defmt::error!("the program before: {}, {}", words.cause, words.text.as_str());
+        defmt::error!("in {} at {}, place {:#x}", words.mode, words.at, words.place);
+    }
+    if let Some(fault) = restart::fault(memory.said.as_ref(), start::by_watchdog()) {
+        controller.fault(fault, 0);
+    }
+
     let ends = QUEUES.take().split();
-    let [bank, spare] = memory.banks;
-    let frames =
-        FrameLoop::new(PIPELINE.take(), bank, dacs::DmaDacs::new(memory.words), counter::Cycles);
+    let [running, other] = memory.banks;
+    let (mine, theirs) = bank::split(running);
+    let dacs = dacs::DmaDacs::new(memory.words);
+    let frames = FrameLoop::new(controller, TELEMETRY.take(), theirs, dacs, counter::Cycles);
     let frames = FrameSide::new(frames, ends.frames);
     let uart = uart::Link::new(peripherals.USART3, peripherals.PD8, peripherals.PD9, memory.link);
     let mut watchdog = IndependentWatchdog::new(peripherals.IWDG1, WATCHDOG_US);
@@ -64,5 +77,10 @@ fn main() -> ! {
         interrupts::Frames { side: frames, ring: memory.ring },
     );
     defmt::info!("room for {} cells, {} window pixels, {} buffered", M, P, B);
-    match Service::new(NAME, ends.asking, spare).run(&mut desk) {}
+    let mut service = Service::new(NAME, ends.asking, ends.telemetry, mine, other);
+    match service.restore(&mut desk) {
+        Ok(()) => defmt::info!("the stored configuration runs"),
+        Err(reason) => defmt::warn!("{}", defmt::Display2Format(&reason)),
+    }
+    match service.run(&mut desk) {}
 }

@@ -1,5 +1,6 @@
 //! What lies outside DTCM: calibration banks and the detector's ring in AXI SRAM, words for the DACs and
-//! the link's bytes in SRAM1. Nothing but the banks is initialised at start.
+//! the link's bytes in SRAM1; and in DTCM the last words, which a reset leaves alone. Nothing but the
+//! banks is initialised at start.
 #![allow(unsafe_code, reason = "statics that a DMA shares, in sections that nobody initialises")]
 
 use crate::geometry::{B, M, P};
@@ -7,6 +8,7 @@ use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicBool, Ordering};
 use splash_firmware::config::Config;
+use splash_firmware::last_words::{LastWords, Words as Said};
 use static_cell::ConstStaticCell;
 use stm32h743_logic::dac_burst::{BUSES, WORDS, Words};
 use stm32h743_logic::shape::{LINE_BYTES, RING_BYTES, Shape};
@@ -37,6 +39,19 @@ static DAC_WORDS: Place<Words> = Place::new();
 #[unsafe(link_section = ".sram123.link")]
 static LINK_RING: Place<[u8; LINK_BYTES]> = Place::new();
 
+#[unsafe(link_section = ".uninit.words")]
+static LAST_WORDS: Place<LastWords> = Place::new();
+
+/// The last words: of the program before this one at the start, and of this one at its end.
+///
+/// # Safety
+/// Nobody else has them: [`take`] at the start, and what ends the program.
+pub(crate) unsafe fn last_words() -> &'static mut LastWords {
+    // SAFETY: words and bytes, of which any value is valid; as the caller says, there is no other
+    // reference.
+    unsafe { (*LAST_WORDS.0.get()).assume_init_mut() }
+}
+
 /// All of it.
 pub(crate) struct Memory {
     /// The calibration banks: without subapertures.
@@ -47,6 +62,8 @@ pub(crate) struct Memory {
     pub(crate) words: &'static mut Words,
     /// The link's ring.
     pub(crate) link: LinkRing,
+    /// Last words of the program before this start.
+    pub(crate) said: Option<Said>,
 }
 
 /// Gives all of it away, once, after SRAM1 is clocked.
@@ -62,6 +79,8 @@ pub(crate) fn take() -> Option<Memory> {
         ring: RowRing { memory: RING.0.get().cast() },
         words: words.write([[0; WORDS]; BUSES]),
         link: LinkRing { memory: LINK_RING.0.get().cast() },
+        // SAFETY: this program has not ended, and TAKEN lets this run once.
+        said: unsafe { last_words() }.take(),
     })
 }
 

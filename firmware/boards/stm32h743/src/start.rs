@@ -1,4 +1,4 @@
-//! What must be done before anything runs: code to ITCM, caches, and the region without one.
+//! What must be done before anything runs: code to ITCM, caches, and the regions without one.
 #![allow(unsafe_code, reason = "the reset path and the memory protection unit")]
 
 use cortex_m::Peripherals;
@@ -34,24 +34,32 @@ core::arch::global_asm!(
     ".size __pre_init, . - __pre_init",
 );
 
-/// Clocks SRAM1 to 3, makes them uncached, and switches the caches on.
+/// Clocks SRAM1 to 3, makes them and the store uncached, and switches the caches on.
 pub(crate) fn memories(core: &mut Peripherals) {
     RCC.ahb2enr().modify(|w| {
         w.set_sram1en(true);
         w.set_sram2en(true);
         w.set_sram3en(true);
     });
-    const REGION: u32 = 0;
     const ENABLE_WITH_BACKGROUND: u32 = 0b101;
-    // SAFETY: the region's memory is used by nobody yet; all other memory keeps the default map.
+    // SAFETY: the regions' memory is used by nobody yet; all other memory keeps the default map.
     unsafe {
-        core.MPU.rnr.write(REGION);
-        core.MPU.rbar.write(mpu::RBAR);
-        core.MPU.rasr.write(mpu::RASR);
+        for (number, region) in (0..).zip(&mpu::REGIONS) {
+            core.MPU.rnr.write(number);
+            core.MPU.rbar.write(region.rbar());
+            core.MPU.rasr.write(region.rasr());
+        }
         core.MPU.ctrl.write(ENABLE_WITH_BACKGROUND);
     }
     cortex_m::asm::dsb();
     cortex_m::asm::isb();
     core.SCB.enable_icache();
     core.SCB.enable_dcache(&mut core.CPUID);
+}
+
+/// Whether the watchdog ended the program before this start. It is asked once.
+pub(crate) fn by_watchdog() -> bool {
+    let flags = RCC.rsr().read();
+    RCC.rsr().modify(|w| w.set_rmvf(true));
+    flags.iwdg1rstf()
 }

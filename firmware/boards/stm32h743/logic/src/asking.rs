@@ -1,18 +1,19 @@
 //! How the main loop asks, and waits for answers, without a lock.
 
-use crate::answers::Snapshot;
-use crate::queues::{Answer, Command};
-use crate::shape::Shape;
+use crate::answers::{Answer, Books, Command, Next, Snapshot};
+use crate::bank::Half;
 use heapless::spsc::{Consumer, Producer};
-use splash_firmware::config::Config;
+use splash_firmware::controller;
+use splash_firmware::mode::Refusal;
 use splash_firmware::pipeline::GlobalTilt;
+use splash_firmware::telemetry::{Decimation, Dropped};
 
 /// Asks the frames' exception, one thing at a time. `wait` lets it run, and returns whether to go on
-/// waiting.
+/// waiting; what is answered at once, or at the next frame boundary, is waited for in any case.
 pub struct Asking<'q, const M: usize, const P: usize, const B: usize> {
     commands: Producer<'q, Command<M, P, B>>,
     answers: Consumer<'q, Answer<M, P, B>>,
-    /// A snapshot was asked for and has not come.
+    /// The next frame's state was asked for and has not come.
     owed: bool,
 }
 
@@ -32,47 +33,87 @@ impl<'q, const M: usize, const P: usize, const B: usize> Asking<'q, M, P, B> {
         }
     }
 
-    fn answer(&mut self, wait: &mut dyn FnMut() -> bool) -> Option<Answer<M, P, B>> {
+    /// What `pick` takes of the answers.
+    fn ask<T>(
+        &mut self,
+        command: Command<M, P, B>,
+        wait: &mut dyn FnMut() -> bool,
+        pick: fn(Answer<M, P, B>) -> Option<T>,
+    ) -> T {
+        self.tell(command, wait);
         loop {
-            if let Some(answer) = self.answers.dequeue() {
-                return Some(answer);
-            }
-            if !wait() {
-                return None;
+            match self.answers.dequeue() {
+                // Asked for before, and too late.
+                Some(Answer::NextFrame(_)) => self.owed = false,
+                Some(answer) => {
+                    if let Some(answer) = pick(answer) {
+                        return answer;
+                    }
+                }
+                None => {
+                    wait();
+                }
             }
         }
     }
 
-    /// Exchanges banks; comes back at once, whatever the detector does.
+    /// Exchanges banks at the next frame boundary: the one that ran before, or the one that was to run
+    /// and why it does not.
+    ///
+    /// # Errors
+    /// A [`Refusal`], with the bank; what runs still does.
     pub fn exchange(
         &mut self,
-        bank: &'static mut Config<M, P, B>,
-        shape: Shape,
+        next: Next<M, P, B>,
         wait: &mut dyn FnMut() -> bool,
-    ) -> &'static mut Config<M, P, B> {
-        self.tell(Command::Exchange(bank, shape), wait);
-        loop {
-            match self.answer(wait) {
-                Some(Answer::Bank(bank)) => return bank,
-                // Asked for before.
-                Some(Answer::State(_)) => self.owed = false,
-                None => {}
-            }
-        }
+    ) -> Result<Half<M, P, B>, (Half<M, P, B>, Refusal)> {
+        self.ask(Command::Exchange(next), wait, |answer| match answer {
+            Answer::Exchanged(exchanged) => Some(exchanged),
+            _ => None,
+        })
     }
 
-    /// Opens the loop; comes back at once.
-    pub fn reset(&mut self, wait: &mut dyn FnMut() -> bool) -> Snapshot<M> {
-        self.tell(Command::Reset, wait);
-        loop {
-            // One of a frame was asked for before; if it has not come, this is the answer to both.
-            if let Some(Answer::State(state)) = self.answer(wait)
-                && state.report.is_none()
-            {
-                self.owed = false;
-                return state;
-            }
-        }
+    /// Has the controller do what an operator asks for.
+    ///
+    /// # Errors
+    /// A [`Refusal`]; nothing has changed.
+    pub fn operator(
+        &mut self,
+        command: controller::Command,
+        wait: &mut dyn FnMut() -> bool,
+    ) -> Result<(), Refusal> {
+        self.ask(Command::Operator(command), wait, |answer| match answer {
+            Answer::Done(done) => Some(done),
+            _ => None,
+        })
+    }
+
+    /// The state that the last frame has left.
+    pub fn state(&mut self, wait: &mut dyn FnMut() -> bool) -> Snapshot<M> {
+        self.ask(Command::State, wait, |answer| match answer {
+            Answer::State(state) => Some(state),
+            _ => None,
+        })
+    }
+
+    /// What the controller keeps books of.
+    pub fn books(&mut self, wait: &mut dyn FnMut() -> bool) -> Books {
+        self.ask(Command::Books, wait, |answer| match answer {
+            Answer::Books(books) => Some(books),
+            _ => None,
+        })
+    }
+
+    /// Telemetry from now on, if another is wanted, and what was dropped.
+    pub fn streams(
+        &mut self,
+        decimation: Option<Decimation>,
+        wait: &mut dyn FnMut() -> bool,
+    ) -> (Decimation, Dropped) {
+        self.ask(Command::Streams(decimation), wait, |answer| match answer {
+            Answer::Streams(decimation, dropped) => Some((decimation, dropped)),
+            _ => None,
+        })
     }
 
     /// Gives a global tilt.
@@ -88,14 +129,22 @@ impl<'q, const M: usize, const P: usize, const B: usize> Asking<'q, M, P, B> {
         }
         if !self.owed {
             self.owed = true;
-            self.tell(Command::Snapshot, wait);
+            self.tell(Command::NextFrame, wait);
         }
-        match self.answer(wait) {
-            Some(Answer::State(state)) => {
-                self.owed = false;
-                Some(state)
+        loop {
+            match self.answers.dequeue() {
+                Some(Answer::NextFrame(state)) => {
+                    self.owed = false;
+                    return Some(state);
+                }
+                // Of another request there is none: each waits for its own.
+                Some(_) => {}
+                None => {
+                    if !wait() {
+                        return None;
+                    }
+                }
             }
-            _ => None,
         }
     }
 }

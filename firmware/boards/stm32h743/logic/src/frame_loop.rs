@@ -1,15 +1,17 @@
-//! Blocks of rows through the pipeline, and the codes to the DACs: what is done with a frame.
+//! Blocks of rows through the controller, and the codes to the DACs: what is done with a frame.
 
+use crate::bank::Half;
 use crate::dac_bus::DacBus;
 use crate::frame_clock::{FrameClock, Tick};
 use crate::shape::Shape;
-use splash_firmware::config::Config;
-use splash_firmware::pipeline::{Pipeline, Probe, Report, Stage};
+use crate::time::Time;
+use splash_firmware::controller::{Controller, FrameResult, Start};
+use splash_firmware::pipeline::{Probe, Stage};
 use splash_firmware::strehl::tilt_squared;
+use splash_firmware::telemetry::{Cycles, Ring};
 
-/// Frames that were missed and are held one by one, so that the mirror's past is right: it goes back by
-/// no more than these.
-const HELD: u32 = 4;
+/// Records of telemetry that wait for the link.
+pub const RECORDS: usize = 32;
 
 /// Counts the processor's cycles; wraps.
 pub trait Counter {
@@ -17,31 +19,17 @@ pub trait Counter {
     fn now(&self) -> u32;
 }
 
-/// What a frame took, cycles.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Cycles {
-    /// All its blocks of rows.
-    pub rows: u32,
-    /// The stages behind them.
-    pub stages: [u32; 5],
-    /// From the interrupt of its last block to the start of the DACs' transfer.
-    pub latency: u32,
-}
-
-/// What became of a frame.
+/// What became of a frame, or of its absence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Record {
-    /// What the pipeline says.
-    pub report: Report,
+    /// What the controller says.
+    pub result: FrameResult,
     /// What it took.
     pub cycles: Cycles,
-    /// Its place among the laser's pulses.
-    pub tick: Tick,
     /// Whether the DACs took its codes.
     pub sent: bool,
-    /// Sum of tip^2 + tilt^2 over valid slopes, ulp^2.
+    /// Sum of tip^2 + tilt^2 over the last complete frame's valid slopes, ulp^2.
     pub tilt_squared_ulp2: u64,
 }
 
@@ -59,17 +47,26 @@ pub enum Taken {
 /// Takes blocks one by one.
 #[derive(Debug)]
 pub struct FrameLoop<'a, D, C, const M: usize, const P: usize, const B: usize> {
-    pub(crate) pipeline: &'a mut Pipeline<M, B>,
-    pub(crate) bank: &'a mut Config<M, P, B>,
+    pub(crate) controller: &'a mut Controller<M, B>,
+    pub(crate) telemetry: &'a mut Ring<RECORDS>,
+    pub(crate) bank: Half<M, P, B>,
     pub(crate) dacs: D,
-    counter: C,
-    clock: FrameClock,
+    pub(crate) counter: C,
+    pub(crate) time: Time,
+    pub(crate) clock: FrameClock,
     pub(crate) shape: Option<Shape>,
+    /// Hash of the bank.
+    pub(crate) hash: u32,
+    /// A calibration of the bank fits it.
+    pub(crate) calibrated: bool,
     /// The block of the frame that is due.
     pub(crate) next: u16,
-    tick: Tick,
+    /// From one frame to the next, cycles.
+    pub(crate) frame_cycles: u64,
+    /// When a frame that has not come is missing, cycles; `None` without a detector.
+    pub(crate) due: Option<u64>,
     rows: u32,
-    pub(crate) report: Option<Report>,
+    pub(crate) last: Option<FrameResult>,
 }
 
 /// Reads the counter after each stage.
@@ -102,24 +99,28 @@ impl<'a, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
 {
     /// A loop without a detector: the first exchange of banks gives it one.
     pub const fn new(
-        pipeline: &'a mut Pipeline<M, B>,
-        bank: &'a mut Config<M, P, B>,
+        controller: &'a mut Controller<M, B>,
+        telemetry: &'a mut Ring<RECORDS>,
+        bank: Half<M, P, B>,
         dacs: D,
         counter: C,
     ) -> Self {
-        let tick = Tick { number: 0, missed: 0, slip: 0 };
-        let clock = FrameClock::new();
         Self {
-            pipeline,
+            controller,
+            telemetry,
             bank,
             dacs,
             counter,
-            clock,
+            time: Time::new(),
+            clock: FrameClock::new(),
             shape: None,
+            hash: 0,
+            calibrated: false,
             next: 0,
-            tick,
+            frame_cycles: 0,
+            due: None,
             rows: 0,
-            report: None,
+            last: None,
         }
     }
 
@@ -134,13 +135,13 @@ impl<'a, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
     pub fn block(&mut self, start: Option<u32>, at: u32, pixels: &[u16]) -> Taken {
         let Some(shape) = self.shape else { return Taken::Astray };
         match (self.next, start) {
-            (0, Some(stamp)) => self.begin(stamp),
+            (0, Some(stamp)) => self.begin(stamp, at),
             (1.., None) => {}
             _ => return Taken::Astray,
         }
         let before = self.counter.now();
         // A refused block is not for here to judge: the frame will be held and say so.
-        let _ = self.pipeline.push_rows(self.bank, pixels, shape.rows);
+        let _ = self.controller.push_rows(&self.bank, pixels, shape.rows);
         self.rows = self.rows.wrapping_add(self.counter.now().wrapping_sub(before));
         self.next += 1;
         if self.next < shape.blocks { Taken::Part } else { Taken::Frame(self.finish(at)) }
@@ -151,30 +152,31 @@ impl<'a, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
         (self.next > 0).then(|| self.finish(self.counter.now()))
     }
 
-    fn begin(&mut self, stamp: u32) {
-        self.tick = self.clock.tick(stamp, self.bank.timing().pulses_per_frame);
-        for missed in (1..=self.tick.missed.min(HELD)).rev() {
-            self.pipeline.begin(self.bank, self.tick.number.wrapping_sub(missed));
-            self.pipeline.finish(self.bank);
-        }
+    fn begin(&mut self, stamp: u32, at: u32) {
+        let Tick { number, pulses } = self.clock.tick(stamp, self.bank.timing().pulses_per_frame);
+        let ticks = self.time.at(at);
+        self.due = Some(ticks.wrapping_add(self.frame_cycles + self.frame_cycles / 2));
         self.rows = 0;
-        self.pipeline.begin(self.bank, self.tick.number);
+        self.controller.begin(&self.bank, Start { number, pulses, ticks });
     }
 
     fn finish(&mut self, at: u32) -> Record {
         self.next = 0;
         let mut laps = Laps { counter: &self.counter, last: self.counter.now(), stages: [0; 5] };
-        let report = self.pipeline.finish_probed(self.bank, &mut laps);
-        let stages = laps.stages;
-        let sent = self.dacs.update(self.pipeline.codes()).is_ok();
+        let result = self.controller.finish(&self.bank, &mut laps);
+        let cycles = Cycles { rows: self.rows, stages: laps.stages, latency: 0 };
+        self.hand_out(result, cycles, at)
+    }
+
+    /// The codes to the DACs.
+    #[inline(always)]
+    pub(crate) fn hand_out(&mut self, result: FrameResult, cycles: Cycles, at: u32) -> Record {
+        let sent = self.dacs.update(self.controller.codes()).is_ok();
         let latency = self.counter.now().wrapping_sub(at);
-        self.report = Some(report);
-        Record {
-            report,
-            cycles: Cycles { rows: self.rows, stages, latency },
-            tick: self.tick,
-            sent,
-            tilt_squared_ulp2: tilt_squared(self.pipeline.slopes()),
-        }
+        let tilt_squared_ulp2 = tilt_squared(self.controller.pipeline().slopes());
+        let cycles = Cycles { latency, ..cycles };
+        let record = Record { result, cycles, sent, tilt_squared_ulp2 };
+        self.book(&record);
+        record
     }
 }

@@ -1,21 +1,22 @@
 //! What interrupts, frames and main loop pass to one another: values, never shared memory.
 //!
 //! ```text
-//! both interrupts --- blocks ---> frames (PendSV) ---- news, answers -----> main loop
-//!                 <-- orders ----                 <-- commands -------------
+//! both interrupts --- blocks ---> frames (PendSV) --- news, answers, telemetry --> main loop
+//!                 <-- orders ----                 <-- commands -------------------
 //! ```
 //!
-//! A calibration bank is one of the values: who has it may use it, so none can change in a frame.
+//! A bank is one of the values ([`crate::bank`]): who has it may use it, so none can change in a frame.
 
-use crate::answers::Snapshot;
+use crate::answers::{Answer, Command, Next};
 use crate::asking::Asking;
 use crate::dac_bus::DacBus;
 use crate::frame_loop::{Counter, FrameLoop, Record, Taken};
+use crate::gate::GateTimer;
 use crate::ring::{Complete, Fault, Ring};
 use crate::shape::{SLOTS, Shape};
 use heapless::spsc::{Consumer, Producer, Queue};
-use splash_firmware::config::Config;
-use splash_firmware::pipeline::GlobalTilt;
+use splash_firmware::interlock::{Inputs, Outputs};
+use splash_firmware::telemetry;
 
 /// A block that is complete, or blocks that are lost, since the detector was last started.
 #[derive(Clone, Copy, Debug)]
@@ -49,29 +50,6 @@ pub struct Order {
     shape: Shape,
 }
 
-/// What the main loop asks of the frames' exception.
-#[derive(Debug)]
-pub enum Command<const M: usize, const P: usize, const B: usize> {
-    /// Another bank. Answered by the one before.
-    Exchange(&'static mut Config<M, P, B>, Shape),
-    /// Opens the loop. Answered by its state.
-    Reset,
-    /// A global tilt. Not answered.
-    GlobalTilt(GlobalTilt),
-    /// Answered by the state that the next frame leaves.
-    Snapshot,
-}
-
-/// What the frames' exception answers.
-#[derive(Debug)]
-#[allow(clippy::large_enum_variant, reason = "without allocation nothing can be put elsewhere")]
-pub enum Answer<const M: usize, const P: usize, const B: usize> {
-    /// The bank that was in use.
-    Bank(&'static mut Config<M, P, B>),
-    /// The state.
-    State(Snapshot<M>),
-}
-
 /// What the frames' exception tells without being asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum News {
@@ -91,6 +69,7 @@ pub struct Queues<const M: usize, const P: usize, const B: usize> {
     commands: Queue<Command<M, P, B>, 4>,
     answers: Queue<Answer<M, P, B>, 3>,
     news: Queue<News, 16>,
+    telemetry: Queue<telemetry::Record, 4>,
 }
 
 impl<const M: usize, const P: usize, const B: usize> Default for Queues<M, P, B> {
@@ -109,6 +88,7 @@ impl<const M: usize, const P: usize, const B: usize> Queues<M, P, B> {
             commands: Queue::new(),
             answers: Queue::new(),
             news: Queue::new(),
+            telemetry: Queue::new(),
         }
     }
 
@@ -119,6 +99,7 @@ impl<const M: usize, const P: usize, const B: usize> Queues<M, P, B> {
         let (command_in, command_out) = self.commands.split();
         let (answer_in, answer_out) = self.answers.split();
         let (news_in, news_out) = self.news.split();
+        let (telemetry_in, telemetry_out) = self.telemetry.split();
         Ends {
             rows: RowSide { ring: None, place: 0, start: 0, events: event_in, orders: order_out },
             frames: FrameEnds {
@@ -127,9 +108,11 @@ impl<const M: usize, const P: usize, const B: usize> Queues<M, P, B> {
                 commands: command_out,
                 answers: answer_in,
                 news: news_in,
+                telemetry: telemetry_in,
             },
             asking: Asking::new(command_in, answer_out),
             news: news_out,
+            telemetry: telemetry_out,
         }
     }
 }
@@ -144,6 +127,8 @@ pub struct Ends<'q, const M: usize, const P: usize, const B: usize> {
     pub asking: Asking<'q, M, P, B>,
     /// Of the main loop, too.
     pub news: Consumer<'q, News>,
+    /// And these.
+    pub telemetry: Consumer<'q, telemetry::Record>,
 }
 
 /// What both interrupts do, but for the registers.
@@ -236,16 +221,26 @@ pub struct FrameEnds<'q, const M: usize, const P: usize, const B: usize> {
     orders: Producer<'q, Order>,
     commands: Consumer<'q, Command<M, P, B>>,
     pub(crate) answers: Producer<'q, Answer<M, P, B>>,
-    news: Producer<'q, News>,
+    pub(crate) news: Producer<'q, News>,
+    pub(crate) telemetry: Producer<'q, telemetry::Record>,
 }
 
-/// The detector, as the frames' exception sees it.
-pub trait Detector {
+/// The hardware, as the frames' exception sees it.
+pub trait Hardware {
     /// The pixels of a complete block.
     fn pixels(&mut self, shape: &Shape, slot: u16) -> &[u16];
 
     /// Lets the interrupts see its orders.
     fn wake(&mut self);
+
+    /// Reads the interlock's inputs.
+    fn inputs(&mut self) -> Inputs;
+
+    /// Sets both enables.
+    fn enable(&mut self, outputs: Outputs);
+
+    /// Sets the range gate, from the next pulse on.
+    fn gate(&mut self, timer: GateTimer);
 }
 
 /// What is done with frames, but for the registers.
@@ -256,6 +251,10 @@ pub struct FrameSide<'q, D, C, const M: usize, const P: usize, const B: usize> {
     start: u8,
     /// The next frame's state is asked for.
     pub(crate) asked: bool,
+    /// A bank that is to run from the next boundary on.
+    pub(crate) ordered: Option<Next<M, P, B>>,
+    /// What the gate's timer was set to.
+    gate: Option<GateTimer>,
 }
 
 impl<'q, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
@@ -263,33 +262,47 @@ impl<'q, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
 {
     /// A loop and its ends of the queues.
     pub fn new(frames: FrameLoop<'static, D, C, M, P, B>, ends: FrameEnds<'q, M, P, B>) -> Self {
-        Self { frames, ends, start: 0, asked: false }
+        Self { frames, ends, start: 0, asked: false, ordered: None, gate: None }
+    }
+
+    /// The loop.
+    pub const fn frames(&mut self) -> &mut FrameLoop<'static, D, C, M, P, B> {
+        &mut self.frames
     }
 
     /// Takes all that has come.
     #[inline]
-    pub fn run(&mut self, detector: &mut impl Detector) {
+    pub fn run(&mut self, hardware: &mut impl Hardware) {
         loop {
             while let Some(command) = self.ends.commands.dequeue() {
-                self.command(command, detector);
+                self.command(command, hardware);
             }
             // Its block is given back only once it was read.
-            let Some(&tagged) = self.ends.events.peek() else { return };
+            let Some(&tagged) = self.ends.events.peek() else { break };
             if tagged.start == self.start {
-                self.event(tagged.event, detector);
+                self.event(tagged.event, hardware);
             }
             self.ends.events.dequeue();
         }
+        self.round(hardware);
     }
 
     #[inline]
-    fn event(&mut self, event: Event, detector: &mut impl Detector) {
+    fn event(&mut self, event: Event, hardware: &mut impl Hardware) {
         let fault = match event {
             Event::Block { slot, start, at } => {
                 let Some(shape) = self.frames.shape().copied() else { return };
-                match self.frames.block(start, at, detector.pixels(&shape, slot)) {
+                let taken = self.frames.block(start, at, hardware.pixels(&shape, slot));
+                if start.is_some() {
+                    // What was asked for runs from this frame's beginning on.
+                    self.gate(hardware);
+                }
+                match taken {
                     Taken::Part => return,
-                    Taken::Frame(record) => return self.record(record),
+                    Taken::Frame(record) => {
+                        self.record(&record);
+                        return self.exchange(hardware);
+                    }
                     Taken::Astray => Some(Fault::Astray),
                 }
             }
@@ -297,28 +310,31 @@ impl<'q, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
             Event::Lost(fault) => Some(fault),
         };
         if let Some(record) = self.frames.end() {
-            self.record(record);
+            self.record(&record);
         }
+        self.exchange(hardware);
         if let Some(fault) = fault {
-            let _ = self.ends.news.enqueue(News::Fault(fault));
-            self.restart(detector);
+            self.astray(fault, hardware);
         }
     }
 
-    fn record(&mut self, record: Record) {
-        // One that nobody fetched in time is not missed: others follow.
-        let _ = self.ends.news.enqueue(News::Frame(record));
-        if self.asked {
-            self.tell();
+    /// Has the gate's timer gate what the controller says.
+    pub(crate) fn gate(&mut self, hardware: &mut impl Hardware) {
+        let timer = GateTimer::new(&self.frames.controller.gate().running());
+        if timer != self.gate
+            && let Some(timer) = timer
+        {
+            hardware.gate(timer);
+            self.gate = Some(timer);
         }
     }
 
-    pub(crate) fn restart(&mut self, detector: &mut impl Detector) {
+    pub(crate) fn restart(&mut self, hardware: &mut impl Hardware) {
         if let Some(&shape) = self.frames.shape() {
             self.start = self.start.wrapping_add(1);
             // There is room: the interrupts take them before this goes on.
             let _ = self.ends.orders.enqueue(Order { start: self.start, shape });
-            detector.wake();
+            hardware.wake();
         }
     }
 }

@@ -1,25 +1,58 @@
-//! Requests of the link, on a board whose frames come by themselves.
+//! Requests of the link, on a board whose frames come by themselves. What they mean is said in
+//! [`Request`]; where frames that come by themselves make a difference:
 //!
 //! | request | |
 //! |---|---|
-//! | `Load` and its pieces | into the bank that is not in use; if it fits, the banks are exchanged, the loop is opened and the enables go down. A refused image changes nothing |
-//! | `Reset` | opens the loop, and asks for the enables |
+//! | `Load` and its pieces | into the other bank; if it fits this board, disarms and has it run. A refused image changes nothing |
+//! | `Switch` | answered when the frame boundary has come; why the controller refused is in the status |
+//! | `Reset` | disarms: safe, the mirror ramps to the flat map |
 //! | `Frame` | answered by what the detector's next frame leaves, whatever its number; refused if none comes |
 //! | `MeasuredFrame` | refused: there is a detector |
-//! | others | refused |
 
-use crate::answers::Snapshot;
+use crate::answers::{Books, Next, Snapshot};
 use crate::asking::Asking;
-use crate::gate::{GateError, GateTicks};
+use crate::bank::{Half, join, split};
+use crate::clocks::{CORE_HZ, LINK_BAUD};
 use crate::shape::{Shape, ShapeError};
+use embedded_storage::nor_flash::NorFlash;
+use heapless::spsc::Consumer;
+use splash_firmware::banks::{BankError, Draft, DraftState};
 use splash_firmware::config::Config;
+use splash_firmware::controller::Command;
 use splash_firmware::error::Field;
-use splash_firmware::link::{Message, Reason, Receiver, Request, Response, Stack};
+use splash_firmware::fault::Moment;
+use splash_firmware::gate::GateStamp;
+use splash_firmware::identity;
+use splash_firmware::link::{
+    Counters, Message, Reason, Receiver, Request, Response, Stack, Status,
+};
+use splash_firmware::mirror::Serials;
+use splash_firmware::mode::{Mode, Refusal};
 use splash_firmware::pipeline::RowError;
-use splash_server::{Left, Link, Outbox, Pieces, identity, receive};
+use splash_firmware::store::Store;
+use splash_firmware::strehl;
+use splash_firmware::telemetry::{self, Decimation};
+use splash_server::{Left, Link, Outbox, Pieces, identity, parameters};
+
+/// Serial numbers of mirror and detector: this board has no way to read them.
+pub const SERIALS: Serials = Serials { mirror: 0, detector: 0 };
+
+/// Bytes that the link carries in a second: each has a start and a stop bit.
+const LINK_BYTES_PER_S: u32 = LINK_BAUD / 10;
 
 /// What a board gives to the service.
 pub trait Board: Link {
+    /// Where configurations are stored.
+    type Flash<'a>: NorFlash
+    where
+        Self: 'a;
+
+    /// The next byte of the link, if it has come.
+    ///
+    /// # Errors
+    /// If the link has ended.
+    fn next(&mut self) -> Result<Option<u8>, Self::Error>;
+
     /// A wait begins.
     fn begin_wait(&mut self);
 
@@ -27,102 +60,138 @@ pub trait Board: Link {
     /// returns whether to go on waiting.
     fn wait(&mut self) -> bool;
 
-    /// The gate of the frames to come, and the length unit of what is told of them, m.
-    fn configured(&mut self, gate: GateTicks, ulp_m: f64);
-
-    /// Asks for the enables.
-    fn arm(&mut self);
-
-    /// Takes the enables down.
-    fn disarm(&mut self);
-
     /// How deep the stack went since the start.
     fn stack(&self) -> Stack;
+
+    /// Where configurations are stored. What takes long there lets the main loop do the rest.
+    fn flash(&mut self) -> Self::Flash<'_>;
+
+    /// Another configuration runs: the length unit of what is told of its frames, m.
+    fn configured(&mut self, ulp_m: f64);
 }
 
-/// Whether this board can do what a configuration asks for.
+/// How the frames of a configuration come on this board.
 ///
 /// # Errors
-/// The field that it cannot.
+/// The field that the board cannot do.
 pub fn fit<const M: usize, const P: usize, const B: usize>(
     config: &Config<M, P, B>,
-) -> Result<(Shape, GateTicks), Reason> {
+) -> Result<Shape, Reason> {
     let refuse = |field, value: f64, limits| Reason::Value { field, index: None, value, limits };
     let shape = Shape::new(config.width(), config.height(), config.bits());
-    let shape = shape.map_err(|error| match error {
+    shape.map_err(|error| match error {
         ShapeError::OddWidth { width } => refuse(Field::DetectorWidth, width.into(), None),
         ShapeError::Bits { bits } => refuse(Field::DetectorBits, bits.into(), Some([10.0, 14.0])),
-    })?;
-    let gate = GateTicks::new(&config.timing()).map_err(|error| match error {
-        GateError::Delay { ns } => refuse(Field::BeaconHeight, ns.into(), None),
-        GateError::Width { ns } => refuse(Field::GateDepth, ns.into(), None),
-    })?;
-    Ok((shape, gate))
+    })
 }
 
-/// Answers requests, one after the other.
+/// Answers requests, one after the other, and sends telemetry between them.
 pub struct Service<'q, const M: usize, const P: usize, const B: usize> {
     name: &'static str,
     asking: Asking<'q, M, P, B>,
-    /// The bank that is not in use.
-    spare: Option<&'static mut Config<M, P, B>>,
+    telemetry: Consumer<'q, telemetry::Record>,
+    running: Half<M, P, B>,
+    /// Its hash; 0 without a configuration.
+    hash: u32,
+    /// The other bank; not here while it is handed over.
+    draft: Option<Draft<'static, M, P, B>>,
+    /// Why it was not let run.
+    refused: Option<Refusal>,
     receiver: Receiver,
 }
 
 impl<'q, const M: usize, const P: usize, const B: usize> Service<'q, M, P, B> {
-    /// One for the board of this name, at most 16 bytes, with the bank that is not in use.
-    pub const fn new(
+    /// One for the board of this name, at most 16 bytes, with its half of the bank that runs, and the
+    /// other bank.
+    pub fn new(
         name: &'static str,
         asking: Asking<'q, M, P, B>,
-        spare: &'static mut Config<M, P, B>,
+        telemetry: Consumer<'q, telemetry::Record>,
+        running: Half<M, P, B>,
+        other: &'static mut Config<M, P, B>,
     ) -> Self {
-        Self { name, asking, spare: Some(spare), receiver: Receiver::new() }
+        Self {
+            name,
+            asking,
+            telemetry,
+            running,
+            hash: 0,
+            draft: Some(Draft::new(other)),
+            refused: None,
+            receiver: Receiver::new(),
+        }
+    }
+
+    /// At the start: has the configuration run that is stored, if there is one.
+    ///
+    /// # Errors
+    /// Why it does not run. The board then waits for one from the link.
+    pub fn restore<T: Board>(&mut self, board: &mut T) -> Result<(), Reason> {
+        if let Some(draft) = &mut self.draft {
+            draft.restore(&mut Store::new(board.flash()))?;
+        }
+        self.switch(board)?;
+        self.refused.map_or(Ok(()), |refusal| Err(refusal.into()))
     }
 
     /// Answers until the link ends, and returns why it did.
     pub fn run<T: Board>(&mut self, board: &mut T) -> T::Error {
         let mut next = None;
         loop {
-            let request = match next.take() {
-                Some(request) => Ok(request),
-                None => receive(board, &mut self.receiver),
-            };
-            match request.and_then(|request| self.answer(board, request)) {
-                Ok(interrupt) => next = interrupt,
-                Err(error) => return error,
+            if let Err(end) = self.step(board, &mut next) {
+                return end;
             }
         }
     }
 
+    /// The next request, or what telemetry there is while none comes.
+    fn step<T: Board>(
+        &mut self,
+        board: &mut T,
+        next: &mut Option<Message<Request>>,
+    ) -> Result<(), T::Error> {
+        if let Some(request) = next.take() {
+            *next = self.answer(board, request)?;
+            return Ok(());
+        }
+        board.wait();
+        match board.next()? {
+            Some(byte) => {
+                if let Some(Ok(request)) = self.receiver.push(byte) {
+                    *next = Some(request);
+                }
+            }
+            None => {
+                if let Some(record) = self.telemetry.dequeue() {
+                    Outbox { port: board, sequence: 0 }.send(Response::Telemetry(record))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Answers a request, and returns the one that interrupted it.
     fn answer<T: Board>(&mut self, board: &mut T, request: Message<Request>) -> Left<T::Error> {
         let mut out = Outbox { port: board, sequence: request.sequence };
         match request.body {
             Request::Identify => out.send(Response::Identity(identity::<M, P, B>(self.name)))?,
             Request::Load { bytes } => {
                 let mut pieces = Pieces::new(out.port, &mut self.receiver, bytes);
-                let Some(spare) = self.spare.take() else { return pieces.drain() };
-                let loaded = spare.load(&mut |bytes| pieces.fill(bytes));
-                let interrupt = pieces.drain()?;
-                let (spare, answer) = match loaded.map_err(Reason::from).and_then(|()| fit(spare)) {
-                    Ok((shape, gate)) => {
-                        let ulp_m = spare.ulp_m();
-                        out.port.disarm();
-                        let before = self.asking.exchange(spare, shape, &mut waiting(out.port));
-                        out.port.configured(gate, ulp_m);
-                        (before, Response::Ready)
-                    }
-                    Err(reason) => (spare, Response::Refused(reason)),
+                let loaded = match &mut self.draft {
+                    Some(draft) => parameters::load(draft, &mut pieces, bytes),
+                    None => Err(BankError::Ordered),
                 };
-                self.spare = Some(spare);
-                out.send(answer)?;
+                let interrupt = pieces.drain()?;
+                let ran = loaded.map_err(Reason::from).and_then(|()| self.run_at_once(out.port));
+                out.send(ran.map_or_else(Response::Refused, |()| Response::Ready))?;
                 return Ok(interrupt);
             }
             // One of an image that was given up, or of a frame that will be refused.
             Request::Piece { .. } | Request::Measurements { .. } => {}
             Request::Reset => {
-                let state = self.asking.reset(&mut waiting(out.port));
-                // The flat mirror's codes are on their way.
-                out.port.arm();
+                // Into safe leads a way from everywhere.
+                let _ = self.operator(out.port, Command::Disarm);
+                let state = self.asking.state(&mut waiting(out.port));
                 codes(&mut out, &state)?;
                 out.send(Response::Ready)?;
             }
@@ -144,10 +213,176 @@ impl<'q, const M: usize, const P: usize, const B: usize> Service<'q, M, P, B> {
                 let stack = out.port.stack();
                 out.send(Response::Stack(stack))?;
             }
-            _ => out.send(Response::Refused(Reason::Unsupported))?,
+            Request::Command(command) => {
+                let done = self.operator(out.port, command);
+                out.send(done.map_or_else(refused, |()| Response::Ready))?;
+            }
+            Request::ReadBack { offset, bytes } => {
+                parameters::read_back(&self.running, &mut out, offset, bytes)?;
+                out.send(Response::Ready)?;
+            }
+            Request::Subscribe(decimation) => {
+                let decimation = decimation.unwrap_or_else(|| self.usual_streams());
+                let streams = self.streams(out.port, Some(decimation));
+                out.send(streams)?;
+            }
+            Request::Streams => {
+                let streams = self.streams(out.port, None);
+                out.send(streams)?;
+            }
+            Request::Status => {
+                let books = self.asking.books(&mut waiting(out.port));
+                out.send(Response::Status(self.status(&books)))?;
+            }
+            Request::Counters => {
+                let books = self.asking.books(&mut waiting(out.port));
+                out.send(Response::Counters(Counters {
+                    totals: books.totals,
+                    faults: books.faults,
+                    refused_transitions: books.refused,
+                    unreadable_messages: self.receiver.refused(),
+                }))?;
+            }
+            Request::Faults => {
+                let books = self.asking.books(&mut waiting(out.port));
+                let last = books.last_faults.into_iter();
+                out.history(last, |first, items| Response::Faults { first, items })?;
+                out.send(Response::Ready)?;
+            }
+            Request::Transitions => {
+                let books = self.asking.books(&mut waiting(out.port));
+                let last = books.transitions.into_iter();
+                out.history(last, |first, items| Response::Transitions { first, items })?;
+                out.send(Response::Ready)?;
+            }
+            other => {
+                let answer = self.configuration(out.port, &other);
+                out.send(answer)?;
+            }
         }
         Ok(None)
     }
+
+    /// Requests about the two banks and the store.
+    fn configuration<T: Board>(&mut self, board: &mut T, request: &Request) -> Response {
+        let answer = match request {
+            Request::Switch => self.switch(board).map(Response::Draft),
+            Request::Copy => self.draft(|draft, running| draft.copy(running)),
+            Request::Store => self.store(board),
+            Request::Stored => {
+                let stored = Store::new(board.flash()).newest_stored();
+                stored.map(Response::Stored).map_err(Reason::from)
+            }
+            Request::Restore => {
+                let mut store = Store::new(board.flash());
+                self.draft(|draft, _| draft.restore(&mut store).map(|_| ()))
+            }
+            other => {
+                let answer = self.draft.as_mut().and_then(|draft| parameters::draft(draft, other));
+                let answer = answer.or_else(|| parameters::running(&*self.running, other));
+                Ok(answer.unwrap_or(Response::Refused(Reason::Unsupported)))
+            }
+        };
+        answer.unwrap_or_else(Response::Refused)
+    }
+
+    /// Does something to the other bank.
+    fn draft<E: Into<Reason>>(
+        &mut self,
+        change: impl FnOnce(&mut Draft<'static, M, P, B>, &Config<M, P, B>) -> Result<(), E>,
+    ) -> Result<Response, Reason> {
+        let draft = self.draft.as_mut().ok_or(BankError::Ordered)?;
+        change(draft, &self.running).map_err(E::into)?;
+        Ok(Response::Draft(draft.state()))
+    }
+
+    /// Has the other bank run from the next frame boundary on, which it waits for.
+    fn switch<T: Board>(&mut self, board: &mut T) -> Result<DraftState, Reason> {
+        let draft = self.draft.as_mut().ok_or(BankError::Ordered)?;
+        let shape = fit(draft.whole().ok_or(BankError::Empty)?)?;
+        let hash = draft.switch()?;
+        let Some(draft) = self.draft.take() else { return Err(BankError::Ordered.into()) };
+        let bank = draft.into_bank();
+        let (calibrated, ulp_m) = (bank.calibration().is_ok(), bank.ulp_m());
+        let (mine, theirs) = split(bank);
+        let next = Next { bank: theirs, hash, shape, calibrated };
+        let exchanged = self.asking.exchange(next, &mut waiting(board));
+        let other = match exchanged {
+            Ok(before) => {
+                (self.hash, self.refused) = (hash, None);
+                board.configured(ulp_m);
+                join(before, core::mem::replace(&mut self.running, mine))
+            }
+            Err((theirs, refusal)) => {
+                self.refused = Some(refusal);
+                join(theirs, mine)
+            }
+        };
+        let mut draft = Draft::new(other);
+        if self.refused.is_some() {
+            // As it was.
+            let _ = draft.check();
+        }
+        self.draft = Some(draft);
+        Ok(DraftState::Ordered { hash })
+    }
+
+    /// Has an image run that came by `Load`.
+    fn run_at_once<T: Board>(&mut self, board: &mut T) -> Result<(), Reason> {
+        let draft = self.draft.as_ref().ok_or(BankError::Ordered)?;
+        fit(draft.whole().ok_or(BankError::Empty)?)?;
+        // Into safe leads a way from everywhere.
+        let _ = self.operator(board, Command::Disarm);
+        self.switch(board)?;
+        self.refused.map_or(Ok(()), |refusal| Err(refusal.into()))
+    }
+
+    fn operator<T: Board>(&mut self, board: &mut T, command: Command) -> Result<(), Refusal> {
+        self.asking.operator(command, &mut waiting(board))
+    }
+
+    /// Stores what runs. It takes longer than a frame: the loop must not need one.
+    fn store<T: Board>(&mut self, board: &mut T) -> Result<Response, Reason> {
+        match self.asking.books(&mut waiting(board)).mode {
+            Mode::Safe | Mode::Standby => {}
+            mode => return Err(Refusal::WrongMode { mode }.into()),
+        }
+        let stored = Store::new(board.flash()).store(&*self.running)?;
+        Ok(Response::Stored(Some(stored)))
+    }
+
+    fn streams<T: Board>(&mut self, board: &mut T, wanted: Option<Decimation>) -> Response {
+        let (decimation, dropped) = self.asking.streams(wanted, &mut waiting(board));
+        Response::Streams { decimation, dropped }
+    }
+
+    fn usual_streams(&self) -> Decimation {
+        let timing = self.running.timing();
+        let frame_ns = u64::from(timing.period_ns) * u64::from(timing.pulses_per_frame);
+        Decimation::for_link(LINK_BYTES_PER_S, frame_ns, self.running.subapertures())
+    }
+
+    fn status(&self, books: &Books) -> Status {
+        let valid = books.last.map_or(0, |last| last.report.valid);
+        let draft = self.draft.as_ref().map_or(DraftState::Empty, Draft::state);
+        Status {
+            build: identity::BUILD,
+            configuration: self.hash,
+            serials: SERIALS,
+            draft,
+            draft_refused: self.refused,
+            mode: books.mode,
+            outputs: books.outputs,
+            at: Moment { frame: books.last.map_or(0, |last| last.at.frame), ticks: books.now },
+            ticks_per_second: CORE_HZ,
+            gate: books.last.map_or_else(GateStamp::default, |last| last.gate),
+            tilt_rms_nm: strehl::tilt_rms_nm(books.tilt_squared_ulp2, valid, self.running.ulp_m()),
+        }
+    }
+}
+
+fn refused(error: impl Into<Reason>) -> Response {
+    Response::Refused(error.into())
 }
 
 /// A wait that begins now.
@@ -172,8 +407,8 @@ fn frame<T: Link, const M: usize>(
     out.list(&state.measurements, |first, items| Response::Measurements { first, items })?;
     out.list(&state.slopes, |first, items| Response::Slopes { first, items })?;
     out.list(&state.positions, |first, items| Response::Positions { first, items })?;
-    match state.report {
-        Some(report) => out.send(Response::Report(report)),
+    match state.result {
+        Some(result) => out.send(Response::Report(result.report)),
         // A frame's state always has one.
         None => Ok(()),
     }
