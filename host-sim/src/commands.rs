@@ -1,5 +1,6 @@
 //! The commands, one a file.
 
+mod campaign;
 pub mod closed_loop;
 pub mod config;
 pub mod frames;
@@ -7,5 +8,6 @@ mod output;
 pub mod profile;
 mod progress;
 pub mod replay;
+pub mod reproduce;
 pub mod strehl;
 pub mod theory;

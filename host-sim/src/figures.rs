@@ -17,6 +17,7 @@ mod error_bars;
 mod maps;
 mod panels;
 mod series;
+mod stacks;
 mod timeline;
 
 pub use detector_frame::{WindowMark, detector_frame};
@@ -24,6 +25,7 @@ pub use error_bars::{Measured, error_bars};
 pub use maps::{phase_map, psf, segment_map};
 pub use panels::{Curve, Panel, panels};
 pub use series::strehl_series;
+pub use stacks::{Stack, StackPanel, Term, stacks};
 pub use timeline::{Timeline, timeline};
 
 use std::path::PathBuf;

@@ -1,4 +1,5 @@
-//! Files: FITS for images, cubes and recorded runs, CSV for series.
+//! Files: FITS for images, cubes and recorded runs, CSV for series; locks.
 
 pub mod csv;
 pub mod fits;
+pub mod lock;

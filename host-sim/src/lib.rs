@@ -14,7 +14,7 @@
 //! | [`profile`] | what a frame costs on a board |
 //! | [`closed_loop`] | all of them, frame after frame |
 //! | [`summary`] | averages, digest and faults of a run |
-//! | [`monte_carlo`] | Strehl ratios over independent screens, for all sensors |
+//! | [`monte_carlo`] | Strehl ratios over independent screens, for all sensors, and their error budgets |
 //! | [`theory`] | what each sensor can sense, by equations |
 //! | [`files`], [`figures`] | FITS, CSV and pictures |
 //! | [`cli`], [`commands`] | the command line |

@@ -35,16 +35,20 @@
 //! |---|---|
 //! | [`comparator`] | SPLASH, laser guide star, natural guide star, best fit |
 //! | [`point`] | one size of pupil: what all its screens have in common, and one screen |
+//! | [`budget`] | what is run under a screen: a sensor, or a step of its error budget |
 //! | [`gradient_loop`] | a loop of exact gradients in double precision |
+//! | [`converged`] | what it converges to |
 //! | [`pistons`] | its least-squares pistons |
 //! | [`campaign`] | screens in parallel |
 //! | [`checkpoint`] | finished screens on the disk |
 //! | [`cost`] | time and memory before a start |
 //! | [`statistics`] | means, errors and paired differences |
 
+pub mod budget;
 pub mod campaign;
 pub mod checkpoint;
 pub mod comparator;
+pub mod converged;
 pub mod cost;
 pub mod gradient_loop;
 pub mod pistons;

@@ -6,8 +6,8 @@ use std::path::Path;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use host_sim::figures::{
-    Curve, FigureError, Panel, WindowMark, detector_frame, panels, phase_map, psf, segment_map,
-    strehl_series,
+    Curve, FigureError, Panel, Stack, StackPanel, Term, WindowMark, detector_frame, panels,
+    phase_map, psf, segment_map, stacks, strehl_series,
 };
 use tempfile::TempDir;
 
@@ -234,5 +234,60 @@ fn panels_stand_in_rows_of_three() {
     let error = panels(&path, "order", "fraction", &[short]).unwrap_err();
     assert!(matches!(error, FigureError::Size { expected: 1, found: 3, .. }));
     panels(&path, "order", "fraction", &[]).unwrap();
+    open(&path);
+}
+
+/// Terms above zero go up, terms below go down, from zero; all panels have one scale.
+#[test]
+fn stacks_of_either_sign() {
+    let directory = TempDir::new().unwrap();
+    let path = directory.path().join("stacks.svg");
+    let colours = ["#110000", "#220000", "#330000"];
+    let term = |k: usize| Term { name: "term", colour: colours[k], shown: k != 1 };
+    let terms = [0, 1, 2].map(term);
+    let stack = |x: f64, values: [f64; 3], error: f64| Stack {
+        x,
+        terms: values.to_vec(),
+        total: values.iter().sum(),
+        error,
+    };
+    let panel = |stacks: Vec<Stack>| StackPanel { title: "panel".into(), stacks };
+    let both = [
+        panel(vec![stack(4.0, [1.0, -0.5, 2.0], 0.25), stack(8.0, [0.0, f64::NAN, 1.0], f64::NAN)]),
+        panel(vec![stack(4.0, [3.0, 0.0, 0.0], 0.1)]),
+    ];
+    stacks(&path, ["x", "y"], &both, &terms).unwrap();
+    let (text, _) = open(&path);
+    let document = roxmltree::Document::parse(&text).unwrap();
+    let number = |node: roxmltree::Node, name: &str| -> f64 {
+        node.attribute(name).unwrap().parse().unwrap()
+    };
+    let bars = |colour: &str| -> Vec<[f64; 2]> {
+        let all = document.descendants().filter(|node| node.attribute("fill") == Some(colour));
+        // Those of the legend are 12 px on a side.
+        let bars = all.filter(|node| number(*node, "width") != 12.0);
+        bars.map(|bar| [number(bar, "y"), number(bar, "y") + number(bar, "height")]).collect()
+    };
+    let [first, second, third] = colours.map(bars);
+    assert_eq!((first.len(), second.len(), third.len()), (2, 1, 2));
+    let unit = first[0][1] - first[0][0];
+    let near = |a: f64, b: f64| (a - b).abs() < 0.03;
+    let zero = first[0][1];
+    // -0.5 hangs from zero; 2 stands on 1; alone, 1 stands on zero; 3 in the other panel has the same scale.
+    assert!(near(second[0][0], zero) && near(second[0][1] - zero, 0.5 * unit), "{second:?}");
+    assert!(near(third[0][1], first[0][0]) && near(third[0][1] - third[0][0], 2.0 * unit));
+    assert!(near(third[1][1], zero) && near(third[1][1] - third[1][0], unit));
+    assert!(near(first[1][1], zero) && near(first[1][1] - first[1][0], 3.0 * unit));
+    let rings: Vec<_> =
+        document.descendants().filter(|node| node.tag_name().name() == "circle").collect();
+    assert!(near(number(rings[0], "cy"), zero - 2.5 * unit));
+    assert!(!text.contains("NaN"));
+
+    let short = Stack { terms: vec![1.0], ..stack(1.0, [1.0; 3], 0.1) };
+    let error = stacks(&path, ["x", "y"], &[panel(vec![short])], &terms).unwrap_err();
+    assert!(matches!(error, FigureError::Size { expected: 3, found: 1, .. }));
+    stacks(&path, ["x", "y"], &[], &[]).unwrap();
+    open(&path);
+    stacks(&path, ["x", "y"], &[panel(vec![])], &terms).unwrap();
     open(&path);
 }

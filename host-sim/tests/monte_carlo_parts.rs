@@ -4,6 +4,7 @@ use host_sim::atmosphere::{Atmosphere, Layer, Turbulence};
 use host_sim::board::in_process;
 use host_sim::closed_loop::{ClosedLoop, Run, Sensing};
 use host_sim::instrument::Instrument;
+use host_sim::monte_carlo::budget::{Case, Step};
 use host_sim::monte_carlo::checkpoint::Checkpoint;
 use host_sim::monte_carlo::comparator::Comparator;
 use host_sim::monte_carlo::gradient_loop::GradientLoop;
@@ -136,7 +137,8 @@ fn finished_screens_are_kept_to_the_bit() {
     let mut checkpoint = Checkpoint::open(&path).unwrap();
     assert!(checkpoint.finished().is_empty());
     for screen in [4, 1] {
-        let both = [(Comparator::Splash, outcome(screen)), (Comparator::Fit, outcome(screen + 1))];
+        let cone = Case { comparator: Comparator::Splash, until: Some(Step::Cone) };
+        let both = [(Comparator::Splash.into(), outcome(screen)), (cone, outcome(screen + 1))];
         checkpoint.add(screen, &both).unwrap();
     }
     let known = checkpoint.finished().clone();
@@ -147,12 +149,12 @@ fn finished_screens_are_kept_to_the_bit() {
     std::fs::write(&path, text).unwrap();
     let mut checkpoint = Checkpoint::open(&path).unwrap();
     assert_eq!(checkpoint.finished(), &known);
-    assert_eq!(known[&(4, Comparator::Splash)], outcome(4));
-    checkpoint.add(7, &[(Comparator::Lgs, outcome(7))]).unwrap();
+    assert_eq!(known[&(4, Comparator::Splash.into())], outcome(4));
+    checkpoint.add(7, &[(Comparator::Lgs.into(), outcome(7))]).unwrap();
     drop(checkpoint);
     let checkpoint = Checkpoint::open(&path).unwrap();
     assert_eq!(checkpoint.finished().len(), 5);
-    assert_eq!(checkpoint.finished()[&(7, Comparator::Lgs)], outcome(7));
+    assert_eq!(checkpoint.finished()[&(7, Comparator::Lgs.into())], outcome(7));
     std::fs::write(&path, "1,splash,0.5,0.1\n2,lidar,0.5,0.1\n").unwrap();
     let error = Checkpoint::open(&path).unwrap_err();
     assert_eq!(error.exit_code(), 1);

@@ -209,9 +209,123 @@ fn what_cannot_be_is_refused_before_it_starts() {
     refused(at, &["--gain", "2"], &["control.gain = 2"]);
     refused(at, &["--sensors", "lidar"], &["lidar", "splash"]);
     refused(at, &["--n", "40", "--screens", "10000000"], &["days", "GB", "--long", "--screens"]);
+    refused(
+        at,
+        &["--n", "16", "--screens", "1000000", "--budget", "--sensors", "splash"],
+        &["days"],
+    );
     let layer = "[[atmosphere.layers]]\nweight = 1\nheight_m = 1\nwind_speed_m_per_s = 0\n\
                  wind_direction_deg = 0\n";
     std::fs::write(at.join("deep.toml"), layer.repeat(1000)).unwrap();
     let deep = ["--n", "120", "--sensing", "geometric", "--screens", "2", "--config", "deep.toml"];
     refused(at, &deep, &["GB", "available", "--n"]);
+}
+
+/// Terms add up to the run, in JSON, CSV and FITS; what is there already is not run again.
+#[test]
+fn the_error_budget_adds_up() {
+    let place = TempDir::new().unwrap();
+    let run = ["--n", "4,6", "--screens", "4", "--sensing", "geometric", "--out", "b"];
+    let plain = json(place.path(), "2", &run);
+    let lines = |n| std::fs::read_to_string(kept(&place.path().join("b"), n)).unwrap();
+    let before = lines(4);
+    let with_budget = [&run[..], &["--budget"]].concat();
+    let result = json(place.path(), "2", &with_budget);
+    assert_eq!((&result["points"], &result["paired"]), (&plain["points"], &plain["paired"]));
+    let grown = lines(4);
+    assert!(grown.starts_with(&before) && grown.len() > before.len());
+    assert_eq!(json(place.path(), "1", &with_budget), result);
+    assert_eq!(lines(4), grown);
+
+    let budgets = result["budget"].as_array().unwrap();
+    assert_eq!(budgets.len(), 6);
+    let csv = Series::read(place.path().join("b/budget.csv")).unwrap();
+    let (shape, terms) =
+        FitsReader::open(place.path().join("b/budget.fits")).unwrap().image::<f64>(0).unwrap();
+    assert_eq!(shape, [9, 3, 2]);
+    let expected: [(&str, &[&str]); 3] = [
+        ("splash", &["fitting", "aliasing", "cone", "lever_arm", "return_path", "temporal"]),
+        ("lgs", &["fitting", "aliasing", "cone", "lever_arm", "temporal"]),
+        ("ngs", &["fitting", "aliasing", "temporal"]),
+    ];
+    for (index, budget) in budgets.iter().enumerate() {
+        let (sensor, names) = expected[index % 3];
+        let n = [4, 6][index / 3];
+        assert_eq!((&budget["n"], &budget["sensor"]), (&n.into(), &sensor.into()));
+        let found = budget["terms"].as_array().unwrap();
+        assert_eq!(found.iter().map(|term| &term["term"]).collect::<Vec<_>>(), names);
+        let values: Vec<f64> = found.iter().map(|term| number(&term["variance_rad2"])).collect();
+        let variance = number(&point(&result, n, sensor)["variance_rad2"]);
+        let fit = number(&point(&result, n, "fit")["variance_rad2"]);
+        assert!((values.iter().sum::<f64>() - variance).abs() < 1e-12);
+        assert!((number(&budget["sum_rad2"]) - variance).abs() < 1e-12);
+        assert!((number(&budget["run_rad2"]) - variance).abs() < 1e-12);
+        assert!((values[0] - fit).abs() < 1e-12, "{budget}");
+        // Nothing moves, and the loop had 40 frames.
+        assert!(values.last().unwrap().abs() < 1e-9, "{budget}");
+        let in_fits = &terms[9 * index..][..9];
+        let finite: Vec<f64> = in_fits.iter().copied().filter(|term| term.is_finite()).collect();
+        assert_eq!(finite, values);
+        for (name, value) in names.iter().zip(&values) {
+            let column = csv.column(&format!("{sensor}_{name}_rad2")).unwrap();
+            assert_eq!(column[index / 3], *value);
+        }
+    }
+    let picture = std::fs::read_to_string(place.path().join("b/budget.svg")).unwrap();
+    let picture = roxmltree::Document::parse(&picture).unwrap();
+    let texts: Vec<_> =
+        picture.descendants().filter_map(|node| node.text().map(str::trim)).collect();
+    for word in ["lever arm", "return path", "fitting", "total", "D / r0"] {
+        assert!(texts.contains(&word), "{word} in {texts:?}");
+    }
+    assert!(!texts.contains(&"noise") && !texts.contains(&"images"), "{texts:?}");
+}
+
+/// Wind, images and noise have their terms.
+#[test]
+fn a_noisy_run_has_all_terms() {
+    let place = TempDir::new().unwrap();
+    let run = ["--n", "4", "--screens", "2", "--noise", "--wind", "0.2", "--frames", "10"];
+    let result =
+        json(place.path(), "2", &[&run[..], &["--budget", "--sensors", "splash"]].concat());
+    let budget = &result["budget"][0];
+    let terms = budget["terms"].as_array().unwrap();
+    assert_eq!(terms.len(), 9);
+    let variance = number(&result["points"][0]["variance_rad2"]);
+    assert!((number(&budget["sum_rad2"]) - variance).abs() < 1e-12);
+    let term = |name: &str| {
+        number(&terms.iter().find(|term| term["term"] == name).unwrap()["variance_rad2"])
+    };
+    // A fifth of a subaperture a frame, and 10^4 electrons a spot.
+    assert!(term("temporal") > 0.01 && term("noise").abs() > 1e-6, "{budget}");
+    // A DAC step is 8 um / 2^16, 0.0014 rad; sweeps that end leave more.
+    assert!(term("quantisation").abs() < 0.01, "{budget}");
+}
+
+/// A directory belongs to one process at a time, and the other is told which.
+#[test]
+fn two_processes_do_not_share_a_directory() {
+    let place = TempDir::new().unwrap();
+    let run = ["--n", "16", "--screens", "100", "--sensing", "geometric", "--out", "one"];
+    let mut first = Command::new(env!("CARGO_BIN_EXE_host-sim"))
+        .arg("strehl")
+        .args(run)
+        .current_dir(place.path())
+        .env("RAYON_NUM_THREADS", "1")
+        .stderr(Stdio::null())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let holder = format!("host-sim strehl, process {}", first.id());
+    let lock = place.path().join("one/.lock");
+    while std::fs::read_to_string(&lock).unwrap_or_default() != holder {
+        assert!(first.try_wait().unwrap().is_none(), "it ended too soon");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let small = ["--n", "4", "--screens", "1", "--sensing", "geometric"];
+    refused(place.path(), &[&small[..], &["--out", "one"]].concat(), &["in use", &holder, "--out"]);
+    json(place.path(), "1", &[&small[..], &["--out", "other"]].concat());
+    first.kill().unwrap();
+    first.wait().unwrap();
+    json(place.path(), "1", &[&small[..], &["--out", "one"]].concat());
 }

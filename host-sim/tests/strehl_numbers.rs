@@ -14,11 +14,11 @@ fn strehl(toml: &str, sensing: Sensing, comparators: &[Comparator], screens: u32
     instrument.atmosphere.layers.iter_mut().for_each(|layer| layer.wind_speed_m_per_s = 0.0);
     let conditions = Conditions { sensing, noise_free: true, settle: 40, frames: 5, seed: 7 };
     let point = Point::new(&instrument, 8, conditions).unwrap();
-    let prepared = point.prepare(comparators, &mut |_| ()).unwrap();
+    let cases: Vec<_> = comparators.iter().map(|&comparator| comparator.into()).collect();
+    let prepared = point.prepare(&cases, &mut |_| ()).unwrap();
     let mut all = vec![Vec::new(); comparators.len()];
     for screen in 0..screens {
-        for (values, (_, outcome)) in all.iter_mut().zip(prepared.run(screen, comparators).unwrap())
-        {
+        for (values, (_, outcome)) in all.iter_mut().zip(prepared.run(screen, &cases).unwrap()) {
             let Outcome { strehl, .. } = outcome;
             values.push(strehl);
         }

@@ -8,6 +8,7 @@ use crate::instrument::Instrument;
 use crate::optics::geometric::Sensor;
 use crate::reconstructor::Reconstructor;
 use indicatif::{ProgressBar, ProgressStyle};
+use std::io::Write;
 
 /// A bar over `length` steps of something called `unit`.
 pub(super) fn bar(length: u64, what: &'static str, unit: &str) -> ProgressBar {
@@ -57,4 +58,10 @@ pub(super) fn close<'a>(
     let closed = ClosedLoop::new(instrument, reconstructor, board, run, &mut progress)?;
     bar.finish_and_clear();
     Ok(closed)
+}
+
+/// A line on stderr before something long.
+pub(super) fn say(line: &str) {
+    // Nobody may be listening.
+    let _ = writeln!(std::io::stderr(), "{line}");
 }

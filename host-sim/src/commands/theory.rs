@@ -10,6 +10,7 @@ use crate::theory::reconstructor::Degenerate;
 use crate::theory::{BETAS, Layer, Reconstruction, Residuals, Theory, default_order};
 use serde::Serialize;
 use splash_firmware::geometry::Mask;
+use std::path::Path;
 use std::time::Instant;
 
 /// The layer of the paper: at a quarter of the beacon's height.
@@ -17,21 +18,24 @@ const BETA: f64 = 0.75;
 /// The arrays of the paper.
 const ACROSS: [usize; 2] = [8, 12];
 
+/// What is written.
+const FILES: [&str; 4] = ["residuals.csv", "residuals.fits", "sensed.svg", "total.svg"];
+
 /// The JSON of `host-sim theory`.
 #[derive(Debug, Serialize)]
-struct TheoryResult {
-    arrays: Vec<ArrayResult>,
+pub(super) struct TheoryResult {
+    pub(super) arrays: Vec<ArrayResult>,
 }
 
 #[derive(Debug, Serialize)]
-struct ArrayResult {
-    n: usize,
+pub(super) struct ArrayResult {
+    pub(super) n: usize,
     /// Null if there are several layers.
-    beta: Option<f64>,
+    pub(super) beta: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     layers: Option<Vec<Layer>>,
     #[serde(flatten)]
-    residuals: Residuals,
+    pub(super) residuals: Residuals,
 }
 
 /// An array to compute.
@@ -50,23 +54,7 @@ pub fn run(args: &TheoryArgs) -> Result<(), Error> {
     let start = Instant::now();
     let arrays = arrays(args)?;
     let directory = output::directory(args.output.out.as_deref(), "theory")?;
-    let steps: usize = arrays.iter().map(|array| array.theory.steps()).sum();
-    let bar = progress::bar(steps as u64, "theory", "matrices");
-    let results = arrays.iter().map(|array| {
-        let one = array.layers.len() == 1;
-        ArrayResult {
-            n: array.n,
-            beta: one.then(|| array.layers[0].beta),
-            layers: (!one).then(|| array.layers.clone()),
-            residuals: array.theory.residuals(&mut || bar.inc(1)),
-        }
-    });
-    let result = TheoryResult { arrays: results.collect() };
-    bar.finish_and_clear();
-
-    results::write_csv(&directory.join("residuals.csv"), &result)?;
-    results::write_fits(&directory.join("residuals.fits"), &result, args.reconstructor)?;
-    results::draw(&directory, &arrays, &result)?;
+    let result = compute(&arrays, &directory, args.reconstructor)?;
     let mut table: Vec<(&str, String)> = Vec::new();
     for (array, result) in arrays.iter().zip(&result.arrays) {
         table.push(("array", array.title()));
@@ -81,6 +69,48 @@ pub fn run(args: &TheoryArgs) -> Result<(), Error> {
     table.push(("time", format!("{:.2} s", start.elapsed().as_secs_f64())));
     table.push(("pictures and files", directory.display().to_string()));
     output::report(args.output.json, &result, &table)
+}
+
+/// The paper's arrays, computed and drawn: with the names of the files.
+pub(super) fn paper(directory: &Path) -> Result<(TheoryResult, [&'static str; 4]), Error> {
+    let array = |n: usize| {
+        let mask = Mask::circle(n)?;
+        let layers = vec![Layer { weight: 1.0, beta: BETA }];
+        let order = default_order(n);
+        let theory = Theory::new(&mask, order, &layers, Reconstruction::Mixed)
+            .map_err(|error| refuse_order(order, n, mask.count(), error))?;
+        Ok(Array { n, subapertures: mask.count(), layers, theory })
+    };
+    let arrays: Vec<Array> = ACROSS.into_iter().map(array).collect::<Result<_, Error>>()?;
+    let result = compute(&arrays, directory, Reconstruction::Mixed)?;
+    Ok((result, FILES))
+}
+
+/// Computes behind a bar, and writes [`FILES`].
+fn compute(
+    arrays: &[Array],
+    directory: &Path,
+    reconstruction: Reconstruction,
+) -> Result<TheoryResult, Error> {
+    let steps: usize = arrays.iter().map(|array| array.theory.steps()).sum();
+    let bar = progress::bar(steps as u64, "theory", "matrices");
+    let results = arrays.iter().map(|array| {
+        let one = array.layers.len() == 1;
+        ArrayResult {
+            n: array.n,
+            beta: one.then(|| array.layers[0].beta),
+            layers: (!one).then(|| array.layers.clone()),
+            residuals: array.theory.residuals(&mut || bar.inc(1)),
+        }
+    });
+    let result = TheoryResult { arrays: results.collect() };
+    bar.finish_and_clear();
+
+    let [csv, fits, ..] = FILES;
+    results::write_csv(&directory.join(csv), &result)?;
+    results::write_fits(&directory.join(fits), &result, reconstruction)?;
+    results::draw(directory, arrays, &result)?;
+    Ok(result)
 }
 
 /// The arrays that the arguments ask for, checked before anything long begins.

@@ -1,6 +1,6 @@
-//! Screens in parallel: one thread a screen, each with all of its comparators.
+//! Screens in parallel: one thread a screen, each with all of its cases.
 
-use super::comparator::Comparator;
+use super::budget::Case;
 use super::point::{Outcome, Prepared};
 use crate::error::Error;
 use rayon::ThreadPoolBuilder;
@@ -8,10 +8,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 
 /// A screen and what is to be run under it.
-pub type Job = (u32, Vec<Comparator>);
+pub type Job = (u32, Vec<Case>);
 
 /// What is told of a finished screen.
-pub type Listener<'a> = dyn FnMut(u32, &[(Comparator, Outcome)]) -> Result<(), Error> + 'a;
+pub type Listener<'a> = dyn FnMut(u32, &[(Case, Outcome)]) -> Result<(), Error> + 'a;
 
 /// Threads for `jobs` screens: as many as rayon would take, `RAYON_NUM_THREADS` included.
 pub fn workers(jobs: usize) -> usize {
@@ -39,10 +39,8 @@ pub fn run(
                     Ok(pool) => pool,
                     Err(error) => return drop(sender.send(Err(Error::Run(error.to_string())))),
                 };
-                while let Some((screen, comparators)) =
-                    jobs.get(next.fetch_add(1, Ordering::Relaxed))
-                {
-                    let outcomes = pool.install(|| prepared.run(*screen, comparators));
+                while let Some((screen, cases)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let outcomes = pool.install(|| prepared.run(*screen, cases));
                     // Nobody listens any more after an error.
                     if sender.send(outcomes.map(|outcomes| (*screen, outcomes))).is_err() {
                         return;

@@ -1,10 +1,10 @@
 //! Finished screens on the disk: an interrupted run takes up where it was.
 //!
 //! One text file for each set of conditions, named by their digest, so that runs of other conditions never
-//! mix: a line `screen,sensor,strehl,variance_rad2` as soon as a screen is finished. Numbers are written
+//! mix: a line `screen,case,strehl,variance_rad2` as soon as a screen is finished. Numbers are written
 //! with as many digits as it takes to read them back exactly. A line that was cut short is dropped.
 
-use super::comparator::Comparator;
+use super::budget::Case;
 use super::point::Outcome;
 use crate::error::Error;
 use std::collections::BTreeMap;
@@ -13,7 +13,7 @@ use std::io::Write;
 use std::path::Path;
 
 /// What is known of each screen.
-pub type Finished = BTreeMap<(u32, Comparator), Outcome>;
+pub type Finished = BTreeMap<(u32, Case), Outcome>;
 
 /// A file that grows with the run.
 #[derive(Debug)]
@@ -41,7 +41,7 @@ impl Checkpoint {
         for (index, line) in text[..whole].lines().enumerate() {
             let (key, outcome) = parse(line).ok_or_else(|| {
                 Error::Run(format!(
-                    "{name}: line {}: {line:?} is not screen,sensor,strehl,variance_rad2; remove \
+                    "{name}: line {}: {line:?} is not screen,case,strehl,variance_rad2; remove \
                      the file to start again",
                     index + 1
                 ))
@@ -60,25 +60,25 @@ impl Checkpoint {
     ///
     /// # Errors
     /// [`Error::Run`] if the file cannot be written.
-    pub fn add(&mut self, screen: u32, outcomes: &[(Comparator, Outcome)]) -> Result<(), Error> {
-        let line = |(comparator, outcome): &(Comparator, Outcome)| {
+    pub fn add(&mut self, screen: u32, outcomes: &[(Case, Outcome)]) -> Result<(), Error> {
+        let line = |(case, outcome): &(Case, Outcome)| {
             let Outcome { strehl, variance_rad2 } = outcome;
-            format!("{screen},{},{strehl},{variance_rad2}\n", comparator.name())
+            format!("{screen},{},{strehl},{variance_rad2}\n", case.name())
         };
         let lines: String = outcomes.iter().map(line).collect();
         let written = self.file.write_all(lines.as_bytes());
         written.map_err(|error| Error::Run(format!("{}: {error}", self.name)))?;
-        let entries = outcomes.iter().map(|&(comparator, outcome)| ((screen, comparator), outcome));
+        let entries = outcomes.iter().map(|&(case, outcome)| ((screen, case), outcome));
         self.finished.extend(entries);
         Ok(())
     }
 }
 
-fn parse(line: &str) -> Option<((u32, Comparator), Outcome)> {
+fn parse(line: &str) -> Option<((u32, Case), Outcome)> {
     let mut fields = line.split(',');
     let screen = fields.next()?.parse().ok()?;
-    let comparator = Comparator::named(fields.next()?)?;
+    let case = Case::named(fields.next()?)?;
     let mut number = || fields.next()?.parse().ok();
     let outcome = Outcome { strehl: number()?, variance_rad2: number()? };
-    fields.next().is_none().then_some(((screen, comparator), outcome))
+    fields.next().is_none().then_some(((screen, case), outcome))
 }

@@ -3,6 +3,7 @@
 //! Times are a fit to one core of a virtual PC at 3.7 GHz with AVX-512: within a factor of
 //! two there, of the right order elsewhere. Memory is counted from the sizes of the arrays.
 
+use super::budget::{Case, Step};
 use super::comparator::Comparator;
 use super::point::Point;
 use crate::atmosphere::Turbulence;
@@ -30,11 +31,11 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// That of one screen at `point` with `comparators`.
+    /// That of one screen at `point` with `cases`.
     ///
     /// # Errors
     /// [`Error::Config`] if a screen would be too large for any memory.
-    pub fn of_screen(point: &Point, comparators: &[Comparator]) -> Result<Self, Error> {
+    pub fn of_screen(point: &Point, cases: &[Case]) -> Result<Self, Error> {
         let instrument = point.instrument();
         let pupil = point.pupil();
         let [largest, all] = Turbulence::texels(
@@ -43,12 +44,22 @@ impl Cost {
             pupil.pitch_m(),
             point.duration_s(),
         )?;
-        let frames = f64::from(point.frames());
         let sensing = point.conditions().sensing;
         let (n, samples) = (point.n() as f64, pupil.side() as u64);
         // All work is on samples.
         let scale = (pupil.samples() as f64 / 8.0).powi(2);
-        let loops = comparators.iter().map(|&c| frames * scale * frame_s(c, sensing, n));
+        let one = |case: &Case| {
+            let (frames, sensing) = match case.until {
+                None if case.comparator == Comparator::Fit => (point.averaged().len(), sensing),
+                Some(Step::Images) | None => (point.frames() as usize, sensing),
+                Some(Step::Temporal | Step::Quantisation) => {
+                    (point.frames() as usize, Sensing::Geometric)
+                }
+                Some(_) => (point.averaged().len(), Sensing::Geometric),
+            };
+            frames as f64 * scale * frame_s(case.comparator, sensing, n)
+        };
+        let loops = cases.iter().map(one);
         let detector = instrument.detector_side() as u64;
         // Phases; resampled rows of each layer above the ground; detector maps and frames.
         let arrays = 64 * samples * samples

@@ -14,7 +14,7 @@ use crate::pupil::{Mirror, Pupil};
 use std::collections::VecDeque;
 
 /// Tips and tilts of the segments, rad from centre to edge.
-type Tilts = Vec<[f64; 2]>;
+pub(super) type Tilts = Vec<[f64; 2]>;
 
 /// A loop and its state.
 pub struct GradientLoop {
@@ -95,7 +95,7 @@ impl GradientLoop {
 }
 
 /// Global tip and tilt are not the sensor's to correct.
-fn remove_mean(tilts: &mut [[f64; 2]]) {
+pub(super) fn remove_mean(tilts: &mut [[f64; 2]]) {
     for axis in 0..2 {
         let mean = tilts.iter().map(|tilt| tilt[axis]).sum::<f64>() / tilts.len() as f64;
         tilts.iter_mut().for_each(|tilt| tilt[axis] -= mean);

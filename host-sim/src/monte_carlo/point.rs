@@ -1,6 +1,8 @@
 //! One size of pupil: what all its screens have in common, and the run of one screen.
 
+use super::budget::{Case, Step};
 use super::comparator::Comparator;
+use super::converged::Converged;
 use super::gradient_loop::GradientLoop;
 use crate::atmosphere::{Atmosphere, Turbulence};
 use crate::board::in_process;
@@ -8,13 +10,14 @@ use crate::calibration::SlopeCalibration;
 use crate::closed_loop::{ClosedLoop, Run, Sensing};
 use crate::error::{Error, refuse};
 use crate::instrument::{Instrument, PupilName, PupilShape};
-use crate::optics::geometric::Sensor;
+use crate::optics::geometric::{Effects, Sensor};
 use crate::optics::science::{Observation, Science};
 use crate::optics::segment_fit::SegmentFit;
 use crate::pupil::{MAX_ACROSS, Mirror, Pupil};
 use crate::reconstructor::Reconstructor;
 use sha2::{Digest, Sha256};
 use splash_firmware::geometry::{MAX_ACROSS as FIRMWARE_ACROSS, MIN_ACROSS};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// What all screens of a run have in common, beside the instrument.
@@ -103,13 +106,24 @@ impl Point {
         self.conditions.settle + self.conditions.frames
     }
 
+    /// The frames that are averaged; under a sky that stands still and has been corrected, one is like any other.
+    pub fn averaged(&self) -> Range<u32> {
+        let settle = self.conditions.settle;
+        settle..if self.still() { settle + 1 } else { self.frames() }
+    }
+
+    /// Whether no layer moves.
+    pub fn still(&self) -> bool {
+        self.instrument.atmosphere.layers.iter().all(|layer| layer.wind_speed_m_per_s == 0.0)
+    }
+
     /// How long the turbulence blows, s.
     pub fn duration_s(&self) -> f64 {
         f64::from(self.frames()) * self.instrument.frame_s()
     }
 
     /// What the outcome of a screen depends on, as hexadecimal digits: not the number of screens, nor which
-    /// comparators are run.
+    /// cases are run.
     ///
     /// # Errors
     /// [`Error::Run`] if the description cannot be written, which no instrument's is.
@@ -119,13 +133,13 @@ impl Point {
         Ok(Sha256::digest(text)[..8].iter().map(|byte| format!("{byte:02x}")).collect())
     }
 
-    /// Plans the screens and calibrates the sensors of `comparators`; `progress` is told the fraction done.
+    /// Plans the screens and calibrates the sensors of `cases`; `progress` is told the fraction done.
     ///
     /// # Errors
     /// [`Error::Config`] for what optics or firmware refuse.
     pub fn prepare(
         &self,
-        comparators: &[Comparator],
+        cases: &[Case],
         progress: &mut dyn FnMut(f64),
     ) -> Result<Prepared<'_>, Error> {
         let turbulence = Turbulence::new(
@@ -135,19 +149,54 @@ impl Point {
             self.pupil.pitch_m(),
             self.duration_s(),
         )?;
+        let mut eyes: Vec<Eye> = cases.iter().filter_map(|&case| self.eye(case)).collect();
+        eyes.sort_unstable();
+        eyes.dedup();
         let mut reconstructors = Vec::new();
-        if self.conditions.sensing == Sensing::Images {
-            for (index, &comparator) in comparators.iter().enumerate() {
+        for (index, &eye) in eyes.iter().enumerate() {
+            let instrument = self.instrument_of(eye);
+            let mut reconstructor = Reconstructor::new(&instrument)?;
+            if let Eye::Images { comparator, .. } = eye {
                 let Some(sensor) = comparator.sensor() else { continue };
-                let slopes = SlopeCalibration::of(sensor, &self.instrument, &mut |done| {
-                    progress((index as f64 + done) / comparators.len() as f64);
+                let slopes = SlopeCalibration::of(sensor, &instrument, &mut |done| {
+                    progress((index as f64 + done) / eyes.len() as f64);
                 })?;
-                let reconstructor = Reconstructor::new(&self.instrument)?.with_slopes(slopes);
-                reconstructors.push((sensor, reconstructor));
+                reconstructor = reconstructor.with_slopes(slopes);
             }
+            reconstructors.push((eye, instrument, reconstructor));
         }
         Ok(Prepared { point: self, turbulence, reconstructors })
     }
+
+    /// What the firmware is given in a case; `None` in cases without firmware.
+    fn eye(&self, Case { comparator, until }: Case) -> Option<Eye> {
+        let Conditions { sensing, noise_free, .. } = self.conditions;
+        comparator.sensor()?;
+        match until {
+            None if sensing == Sensing::Images => Some(Eye::Images { comparator, noise_free }),
+            Some(Step::Images) => Some(Eye::Images { comparator, noise_free: true }),
+            Some(Step::Quantisation) => Some(Eye::Gradients),
+            _ => None,
+        }
+    }
+
+    fn instrument_of(&self, eye: Eye) -> Instrument {
+        match eye {
+            Eye::Images { noise_free: true, .. } => self.instrument.clone().noise_free(),
+            _ => self.instrument.clone(),
+        }
+    }
+}
+
+/// What the firmware is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Eye {
+    /// Exact gradients: the ideal calibration is every sensor's.
+    Gradients,
+    Images {
+        comparator: Comparator,
+        noise_free: bool,
+    },
 }
 
 /// The pupil; beyond what the firmware takes, only circles and squares.
@@ -175,58 +224,88 @@ fn pupil(instrument: &Instrument) -> Result<Pupil, Error> {
 pub struct Prepared<'a> {
     point: &'a Point,
     turbulence: Turbulence,
-    /// One for each sensor, with images.
-    reconstructors: Vec<(Sensor, Reconstructor)>,
+    /// With the instrument that each is for.
+    reconstructors: Vec<(Eye, Instrument, Reconstructor)>,
 }
 
 impl Prepared<'_> {
-    /// Runs `comparators` under screen number `screen`: a function of that number, the point and nothing
-    /// else.
+    /// Runs `cases` under screen number `screen`: a function of that number, the point and nothing else.
     ///
     /// # Errors
     /// [`Error::Config`] for what optics or firmware refuse, [`Error::Run`] if a loop fails.
-    pub fn run(
-        &self,
-        screen: u32,
-        comparators: &[Comparator],
-    ) -> Result<Vec<(Comparator, Outcome)>, Error> {
+    ///
+    /// # Panics
+    /// If the point was not prepared for these cases.
+    pub fn run(&self, screen: u32, cases: &[Case]) -> Result<Vec<(Case, Outcome)>, Error> {
         let seed = screen_seed(self.point.conditions.seed, self.point.n(), screen);
         let atmosphere = Arc::new(self.turbulence.realise(seed, &mut |_| ()));
-        let run = |&comparator: &Comparator| {
-            let outcome = match comparator.sensor() {
-                None => self.fit(&atmosphere)?,
-                Some(sensor) => match self.point.conditions.sensing {
-                    Sensing::Images => self.images(sensor, seed, &atmosphere)?,
-                    Sensing::Geometric => self.gradients(sensor, &atmosphere)?,
-                },
-            };
-            Ok((comparator, outcome))
-        };
-        comparators.iter().map(run).collect()
+        let run = |&case: &Case| Ok((case, self.case(case, seed, &atmosphere)?));
+        cases.iter().map(run).collect()
     }
 
-    /// Through optics, detector and firmware.
-    fn images(
+    fn case(&self, case: Case, seed: u64, atmosphere: &Arc<Atmosphere>) -> Result<Outcome, Error> {
+        let lever_arm = self.point.instrument.control.lever_arm;
+        let Some(sensor) = case.comparator.sensor() else { return self.fit(atmosphere) };
+        if let Some(eye) = self.point.eye(case) {
+            return self.firmware(eye, sensor, seed, atmosphere);
+        }
+        let cone = Effects { lever_arm: false, return_path: false };
+        match case.until {
+            Some(Step::Fitting) => self.fit(atmosphere),
+            Some(Step::Aliasing) => self.converged(Sensor::Ngs, Effects::ALL, 1.0, atmosphere),
+            Some(Step::Cone) => self.converged(sensor, cone, 1.0, atmosphere),
+            Some(Step::LeverArm) => {
+                let arm = Effects { lever_arm: true, ..cone };
+                self.converged(sensor, arm, lever_arm, atmosphere)
+            }
+            Some(Step::ReturnPath) => self.converged(sensor, Effects::ALL, lever_arm, atmosphere),
+            // What is left has exact gradients in a loop.
+            _ => self.gradients(sensor, atmosphere),
+        }
+    }
+
+    /// Through the firmware; with images, through optics and detector before it.
+    fn firmware(
         &self,
+        eye: Eye,
         sensor: Sensor,
         seed: u64,
         atmosphere: &Arc<Atmosphere>,
     ) -> Result<Outcome, Error> {
-        let Conditions { noise_free, settle, .. } = self.point.conditions;
-        let ready = self.reconstructors.iter().find(|(ready, _)| *ready == sensor);
-        let (_, reconstructor) = ready.expect("prepared for this sensor");
+        let ready = self.reconstructors.iter().find(|(ready, ..)| *ready == eye);
+        let (_, instrument, reconstructor) = ready.expect("prepared for this case");
         let mut board = in_process(&reconstructor.spec())?;
         let frames = self.point.frames();
-        let run = Run { sensor, sensing: Sensing::Images, frames, seed, noise_free };
-        let instrument = &self.point.instrument;
+        let (sensing, noise_free) = match eye {
+            Eye::Gradients => (Sensing::Geometric, true),
+            Eye::Images { noise_free, .. } => (Sensing::Images, noise_free),
+        };
+        let run = Run { sensor, sensing, frames, seed, noise_free };
         let sky = Arc::clone(atmosphere);
         let mut closed = ClosedLoop::under(instrument, reconstructor, board.as_mut(), run, sky)?;
         let mut sum = Sum::default();
         for frame in 0..frames {
             let observation = closed.step()?.observation;
-            if frame >= settle {
+            if frame >= self.point.conditions.settle {
                 sum.add(&observation);
             }
+        }
+        Ok(sum.mean())
+    }
+
+    /// With exact gradients and as if each of the frames had all the time to converge.
+    fn converged(
+        &self,
+        sensor: Sensor,
+        effects: Effects,
+        lever_arm: f64,
+        atmosphere: &Atmosphere,
+    ) -> Result<Outcome, Error> {
+        let Point { instrument, pupil, .. } = self.point;
+        let mut closed = Converged::new(instrument, pupil, atmosphere, sensor, effects, lever_arm)?;
+        let mut sum = Sum::default();
+        for frame in self.point.averaged() {
+            sum.add(&closed.observe(atmosphere, f64::from(frame) * instrument.frame_s()));
         }
         Ok(sum.mean())
     }
@@ -246,17 +325,14 @@ impl Prepared<'_> {
 
     /// The best that the mirror can do, in the frames that are averaged.
     fn fit(&self, atmosphere: &Atmosphere) -> Result<Outcome, Error> {
-        let Point { instrument, pupil, conditions } = self.point;
+        let Point { instrument, pupil, .. } = self.point;
         let (sensing_m, science_m) =
             (instrument.laser.wavelength_m, instrument.science.wavelength_m);
         let mut science = Science::new(pupil, atmosphere, sensing_m, science_m)?;
         let mut fit = SegmentFit::default();
         let mut mirror = Mirror::flat(pupil.subapertures().len());
         let mut sum = Sum::default();
-        let still = instrument.atmosphere.layers.iter().all(|l| l.wind_speed_m_per_s == 0.0);
-        // Under a sky that stands still one frame is like any other.
-        let last = if still { conditions.settle + 1 } else { self.point.frames() };
-        for frame in conditions.settle..last {
+        for frame in self.point.averaged() {
             let time_s = f64::from(frame) * instrument.frame_s();
             fit.fit(pupil, atmosphere, time_s, &mut mirror);
             sum.add(&science.observe(atmosphere, time_s, &mirror));

@@ -18,11 +18,26 @@ pub enum Sensor {
     Ngs,
 }
 
+/// What a beacon does to gradients beside the cone that its light takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Effects {
+    /// A gradient at a layer appears times b in the pupil; without, it appears whole.
+    pub lever_arm: bool,
+    /// The way back from SPLASH's spots takes the mean over the pupil off; without, nothing does.
+    pub return_path: bool,
+}
+
+impl Effects {
+    /// As it is.
+    pub const ALL: Self = Self { lever_arm: true, return_path: true };
+}
+
 /// The geometric model of a sensor. The gradient is averaged over the continuous wavefront: its
 /// mean over a square follows from the phase on the square's edges, its mean over the pupil from
 /// the phase on the outline of the pupil.
 pub struct GeometricSensor {
     sensor: Sensor,
+    effects: Effects,
     pupil: Pupil,
     beacon_height_m: f64,
     /// px per (rad per subaperture): lambda/(2 pi d) in pixels.
@@ -65,12 +80,24 @@ impl GeometricSensor {
         check_geometry(pupil, atmosphere, beacon)?;
         Ok(Self {
             sensor,
+            effects: Effects::ALL,
             pupil: pupil.clone(),
             beacon_height_m,
             pixels_per_rad: pixels_per_lambda_d / std::f64::consts::TAU,
             outline: [0, 1].map(|axis| outline(pupil, axis)),
             footprint: Footprint::default(),
         })
+    }
+
+    /// The same sensor with no other effects than these.
+    #[must_use]
+    pub fn with_effects(self, effects: Effects) -> Self {
+        Self { effects, ..self }
+    }
+
+    /// Whether the sensor looks at each spot through the whole pupil.
+    fn looks_back(&self) -> bool {
+        self.sensor == Sensor::Splash && self.effects.return_path
     }
 
     /// Centroids [x, y] in pixels at `time_s` with `mirror` in the pupil, in the order of
@@ -110,7 +137,7 @@ impl GeometricSensor {
 
     /// The part of the mirror's tip and tilt that the sensor cannot see.
     fn mean_tilt(&self, mirror: &Mirror) -> [f64; 2] {
-        if self.sensor != Sensor::Splash {
+        if !self.looks_back() {
             return [0.0; 2];
         }
         [1, 2].map(|k| {
@@ -130,10 +157,12 @@ impl GeometricSensor {
             positions.map(|index| self.stencils(axis, flow.height_m, position(index))).collect()
         };
         let (along_x, along_y) = (stencils(0), stencils(1));
-        let pupil_mean = |x: &AxisStencils, y: &AxisStencils| match self.sensor {
-            Sensor::Splash => [0, 1].map(|axis| self.pupil_gradient(axis, x, y)),
-            Sensor::Lgs | Sensor::Ngs => [0.0; 2],
+        let pupil_mean = |x: &AxisStencils, y: &AxisStencils| match self.looks_back() {
+            true => [0, 1].map(|axis| self.pupil_gradient(axis, x, y)),
+            false => [0.0; 2],
         };
+        let (arm, _) = self.path([0.0; 2]).through(flow.height_m);
+        let factor = if self.effects.lever_arm { 1.0 } else { 1.0 / arm };
         let shared = (!places).then(|| pupil_mean(&along_x[0], &along_y[0]));
         centroids.par_iter_mut().zip(self.pupil.subapertures()).for_each(
             |(centroid, &[ix, iy])| {
@@ -151,20 +180,24 @@ impl GeometricSensor {
                     }
                 };
                 for axis in 0..2 {
-                    centroid[axis] += edges(axis) - mean[axis];
+                    centroid[axis] += factor * (edges(axis) - mean[axis]);
                 }
             },
         );
     }
 
-    fn stencils(&self, axis: usize, height_m: f64, position_m: f64) -> AxisStencils {
-        let path = match self.sensor {
+    /// From a spot, or from the guide star.
+    fn path(&self, position_m: [f64; 2]) -> Path {
+        match self.sensor {
             Sensor::Ngs => Path::Star,
             Sensor::Splash | Sensor::Lgs => {
-                Path::Beacon { height_m: self.beacon_height_m, position_m: [position_m; 2] }
+                Path::Beacon { height_m: self.beacon_height_m, position_m }
             }
-        };
-        let (scale, shift) = path.through(height_m);
+        }
+    }
+
+    fn stencils(&self, axis: usize, height_m: f64, position_m: f64) -> AxisStencils {
+        let (scale, shift) = self.path([position_m; 2]).through(height_m);
         let at_layer = |pupil_m: f64| scale * pupil_m + shift[axis];
         let pupil = &self.pupil;
         let (across, samples) = (pupil.across(), pupil.samples());

@@ -1,6 +1,7 @@
 //! The results of `host-sim strehl` as a table, JSON, CSV, FITS and a figure.
 
-use super::Task;
+use super::budget::{self, BudgetResult};
+use crate::commands::campaign::Campaign;
 use crate::error::Error;
 use crate::figures::{Measured, error_bars};
 use crate::files::csv::SeriesWriter;
@@ -13,50 +14,43 @@ use std::path::Path;
 
 /// The JSON.
 #[derive(Debug, Serialize)]
-pub(super) struct StrehlResult {
-    points: Vec<PointResult>,
-    paired: Vec<PairResult>,
+pub(in crate::commands) struct StrehlResult {
+    pub(in crate::commands) points: Vec<PointResult>,
+    pub(in crate::commands) paired: Vec<PairResult>,
+    /// Empty unless it was asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::commands) budget: Vec<BudgetResult>,
 }
 
 #[derive(Debug, Serialize)]
-struct PointResult {
-    n: usize,
-    sensor: &'static str,
-    strehl: f64,
+pub(in crate::commands) struct PointResult {
+    pub(in crate::commands) n: usize,
+    pub(in crate::commands) sensor: &'static str,
+    pub(in crate::commands) strehl: f64,
     /// Null for a single screen.
-    strehl_se: f64,
-    variance_rad2: f64,
-    screens: u32,
+    pub(in crate::commands) strehl_se: f64,
+    pub(in crate::commands) variance_rad2: f64,
+    pub(in crate::commands) screens: u32,
 }
 
 /// The difference a - b under the same screens.
 #[derive(Debug, Serialize)]
-struct PairResult {
-    n: usize,
-    a: &'static str,
-    b: &'static str,
-    difference: f64,
-    se: f64,
-}
-
-/// Screen by screen, of all points.
-pub(super) struct Screens<'a> {
-    pub(super) tasks: &'a [Task],
-    pub(super) screens: u32,
-    pub(super) comparators: &'a [Comparator],
-}
-
-/// One number of each screen, in their order.
-fn values(task: &Task, screens: u32, c: Comparator, of: fn(&Outcome) -> f64) -> Vec<f64> {
-    (0..screens).map(|screen| of(&task.checkpoint.finished()[&(screen, c)])).collect()
+pub(in crate::commands) struct PairResult {
+    pub(in crate::commands) n: usize,
+    pub(in crate::commands) a: &'static str,
+    pub(in crate::commands) b: &'static str,
+    pub(in crate::commands) difference: f64,
+    /// Null for a single screen.
+    pub(in crate::commands) se: f64,
 }
 
 /// Means and differences.
-pub(super) fn gather(tasks: &[Task], screens: u32, comparators: &[Comparator]) -> StrehlResult {
+pub(in crate::commands) fn gather(campaign: &Campaign) -> StrehlResult {
+    let comparators = &campaign.comparators;
     let (mut points, mut paired) = (Vec::new(), Vec::new());
-    for task in tasks {
+    for task in &campaign.tasks {
         let n = task.point.n();
-        let strehl = |c| values(task, screens, c, |outcome| outcome.strehl);
+        let strehl = |c: Comparator| task.values(c, |outcome| outcome.strehl);
         for (index, &a) in comparators.iter().enumerate() {
             let Mean { mean, standard_error } = Mean::of(&strehl(a));
             points.push(PointResult {
@@ -64,8 +58,8 @@ pub(super) fn gather(tasks: &[Task], screens: u32, comparators: &[Comparator]) -
                 sensor: a.name(),
                 strehl: mean,
                 strehl_se: standard_error,
-                variance_rad2: Mean::of(&values(task, screens, a, |o| o.variance_rad2)).mean,
-                screens,
+                variance_rad2: Mean::of(&task.values(a, |o| o.variance_rad2)).mean,
+                screens: task.screens,
             });
             for &b in &comparators[index + 1..] {
                 let Mean { mean, standard_error } = Mean::of_differences(&strehl(a), &strehl(b));
@@ -74,17 +68,35 @@ pub(super) fn gather(tasks: &[Task], screens: u32, comparators: &[Comparator]) -
             }
         }
     }
-    StrehlResult { points, paired }
+    StrehlResult { points, paired, budget: budget::gather(campaign) }
+}
+
+/// Tables and pictures: their names.
+pub(in crate::commands) fn write(
+    directory: &Path,
+    campaign: &Campaign,
+    result: &StrehlResult,
+    seed: u64,
+) -> Result<Vec<&'static str>, Error> {
+    let mut files = write_csv(directory, campaign, result)?;
+    write_fits(&directory.join("strehl.fits"), campaign, seed)?;
+    draw(&directory.join("strehl.svg"), campaign, result)?;
+    files.extend(["strehl.fits", "strehl.svg"]);
+    if !result.budget.is_empty() {
+        files.extend(budget::write(directory, campaign, &result.budget, seed)?);
+    }
+    Ok(files)
 }
 
 /// `strehl.csv`, one line an N; `paired.csv`, the same for differences; `screens.csv`, one line a screen.
-pub(super) fn write_csv(
+fn write_csv(
     directory: &Path,
-    tasks: &[Task],
+    campaign: &Campaign,
     result: &StrehlResult,
-    comparators: &[Comparator],
-) -> Result<(), Error> {
-    let StrehlResult { points, paired } = result;
+) -> Result<Vec<&'static str>, Error> {
+    let StrehlResult { points, paired, .. } = result;
+    let Campaign { tasks, comparators, .. } = campaign;
+    let mut files = vec!["strehl.csv", "screens.csv"];
     let head = |first: &[&str], rest: Vec<String>| -> Vec<String> {
         first.iter().map(|name| (*name).to_string()).chain(rest).collect()
     };
@@ -114,27 +126,31 @@ pub(super) fn write_csv(
             file.push(&line)?;
         }
         file.finish()?;
+        files.push("paired.csv");
     }
 
     let two = |c: &Comparator| ["", "_variance_rad2"].map(|end| c.name().to_string() + end);
     let columns = head(&["n", "screen"], comparators.iter().flat_map(two).collect());
     let mut file = create("screens.csv", &columns)?;
-    for (task, point) in tasks.iter().zip(points.chunks(comparators.len())) {
-        for screen in 0..point[0].screens {
+    for task in tasks {
+        for screen in 0..task.screens {
             let mut line = vec![task.point.n() as f64, f64::from(screen)];
             for &comparator in comparators {
-                let outcome = task.checkpoint.finished()[&(screen, comparator)];
+                let outcome = task.outcome(screen, comparator);
                 line.extend([outcome.strehl, outcome.variance_rad2]);
             }
             file.push(&line)?;
         }
     }
-    Ok(file.finish()?)
+    file.finish()?;
+    Ok(files)
 }
 
-/// STREHL and VARIANCE, screen by screen (screen, sensor, N); N, the sizes of the third axis.
-pub(super) fn write_fits(path: &Path, each: &Screens<'_>, seed: u64) -> Result<(), Error> {
-    let Screens { tasks, screens, comparators } = *each;
+/// STREHL and VARIANCE, screen by screen (screen, sensor, N), NaN beyond the screens of an N; N, the sizes of
+/// the third axis.
+fn write_fits(path: &Path, campaign: &Campaign, seed: u64) -> Result<(), Error> {
+    let Campaign { tasks, comparators, .. } = campaign;
+    let most = tasks.iter().map(|task| task.screens as usize).max().unwrap_or(0);
     let header = |unit: &str| {
         let mut header = Header::new()
             .with("BUNIT", unit, "unit of the values")
@@ -147,9 +163,14 @@ pub(super) fn write_fits(path: &Path, each: &Screens<'_>, seed: u64) -> Result<(
     };
     let cube = |of: fn(&Outcome) -> f64| -> Vec<f64> {
         let all = tasks.iter().flat_map(|task| comparators.iter().map(move |c| (task, *c)));
-        all.flat_map(|(task, comparator)| values(task, screens, comparator, of)).collect()
+        let padded = all.flat_map(|(task, comparator)| {
+            let mut values = task.values(comparator, of);
+            values.resize(most, f64::NAN);
+            values
+        });
+        padded.collect()
     };
-    let shape = [screens as usize, comparators.len(), tasks.len()];
+    let shape = [most, comparators.len(), tasks.len()];
     let across: Vec<i32> = tasks.iter().map(|task| task.point.n() as i32).collect();
     let mut file = FitsWriter::create(path)?;
     file.image("STREHL", &shape, &header(""), &cube(|outcome| outcome.strehl))?;
@@ -159,16 +180,10 @@ pub(super) fn write_fits(path: &Path, each: &Screens<'_>, seed: u64) -> Result<(
 }
 
 /// Strehl ratio against D/r0.
-pub(super) fn draw(
-    path: &Path,
-    title: &str,
-    tasks: &[Task],
-    result: &StrehlResult,
-    comparators: &[Comparator],
-) -> Result<(), Error> {
-    let ratio =
-        |task: &Task| task.point.pupil().diameter_m() / task.point.instrument().atmosphere.r0_m;
-    let x: Vec<f64> = tasks.iter().map(ratio).collect();
+fn draw(path: &Path, campaign: &Campaign, result: &StrehlResult) -> Result<(), Error> {
+    let Campaign { tasks, comparators, .. } = campaign;
+    let title = format!("{}, {}", campaign.screens(), campaign.sky());
+    let x: Vec<f64> = tasks.iter().map(|task| task.diameter_in_r0()).collect();
     let column = |name: &str, of: fn(&PointResult) -> f64| -> Vec<f64> {
         result.points.iter().filter(|point| point.sensor == name).map(of).collect()
     };
@@ -183,10 +198,10 @@ pub(super) fn draw(
             Measured { name, colour, y, error }
         })
         .collect();
-    Ok(error_bars(path, ["D / r0", "Strehl ratio"], title, &x, &curves)?)
+    Ok(error_bars(path, ["D / r0", "Strehl ratio"], &title, &x, &curves)?)
 }
 
-fn style(comparator: Comparator) -> (&'static str, &'static str) {
+pub(in crate::commands) fn style(comparator: Comparator) -> (&'static str, &'static str) {
     match comparator {
         Comparator::Splash => ("SPLASH", "#b3261e"),
         Comparator::Lgs => ("LGS", "#4477aa"),
@@ -195,11 +210,12 @@ fn style(comparator: Comparator) -> (&'static str, &'static str) {
     }
 }
 
-/// The table: one line an N and sensor, one an N and pair.
-pub(super) fn table(
+/// The table: one line an N and sensor, one an N and pair, then the budget.
+pub(in crate::commands) fn table(
+    campaign: &Campaign,
     result: &StrehlResult,
-    comparators: &[Comparator],
 ) -> Vec<(&'static str, String)> {
+    let comparators = &campaign.comparators;
     let mut table = Vec::new();
     let pairs = comparators.len() * (comparators.len() - 1) / 2;
     for (index, row) in result.points.chunks(comparators.len()).enumerate() {
@@ -216,5 +232,6 @@ pub(super) fn table(
             table.push(("", format!("N = {n:<3} {a} - {b}: {difference:+.4} +- {se:.4}")));
         }
     }
+    table.extend(budget::table(&result.budget));
     table
 }

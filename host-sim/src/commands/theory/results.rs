@@ -1,6 +1,6 @@
 //! The results of `host-sim theory` as a table, CSV, FITS and figures.
 
-use super::{Array, ArrayResult, TheoryResult};
+use super::{Array, ArrayResult, FILES, TheoryResult};
 use crate::error::Error;
 use crate::figures::{Curve, Panel, panels};
 use crate::files::csv::SeriesWriter;
@@ -107,15 +107,16 @@ pub(super) fn write_fits(
     Ok(file.finish()?)
 }
 
-/// The paper's figure, `sensed.svg`, and the same for the whole wavefront, `total.svg`.
+/// The paper's figure, and the same for the whole wavefront.
 pub(super) fn draw(directory: &Path, arrays: &[Array], result: &TheoryResult) -> Result<(), Error> {
     let figure = |name: &str, y_label: &str, total: bool| {
         let both = arrays.iter().zip(&result.arrays);
         let all: Vec<_> = both.map(|(array, result)| panel(array, result, total)).collect();
         panels(directory.join(name), "radial order", y_label, &all)
     };
-    figure("sensed.svg", "residual / sensed variance", false)?;
-    figure("total.svg", "residual / wavefront variance", true)?;
+    let [.., sensed, whole] = FILES;
+    figure(sensed, "residual / sensed variance", false)?;
+    figure(whole, "residual / wavefront variance", true)?;
     Ok(())
 }
 

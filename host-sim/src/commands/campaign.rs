@@ -1,0 +1,218 @@
+//! A Monte Carlo run of several pupils: what is there already, what the rest will take, and doing it.
+
+use super::{output, progress};
+use crate::closed_loop::Sensing;
+use crate::error::Error;
+use crate::monte_carlo::budget::{Case, Step, chain};
+use crate::monte_carlo::campaign::{self, Job};
+use crate::monte_carlo::checkpoint::Checkpoint;
+use crate::monte_carlo::comparator::Comparator;
+use crate::monte_carlo::cost::{self, Cost};
+use crate::monte_carlo::point::{Conditions, Outcome, Point};
+use std::path::Path;
+
+/// A run that takes longer, s, says so instead.
+const LONG_S: f64 = 86400.0;
+
+/// What is run.
+pub(super) struct Campaign {
+    /// By increasing N; at least one.
+    pub(super) tasks: Vec<Task>,
+    /// In the order of [`Comparator::ALL`], each once.
+    pub(super) comparators: Vec<Comparator>,
+    /// With the steps of the sensors' error budgets.
+    pub(super) budget: bool,
+}
+
+/// One size of pupil with what is to be done for it.
+pub(super) struct Task {
+    pub(super) point: Point,
+    pub(super) screens: u32,
+    checkpoint: Checkpoint,
+    jobs: Vec<Job>,
+    /// Of each job, s on one core.
+    core_s: Vec<f64>,
+}
+
+impl Campaign {
+    /// Opens the checkpoints in `directory` of points with their numbers of screens, and finds what is missing.
+    ///
+    /// # Errors
+    /// [`Error`] if a checkpoint cannot be used, or a screen would be too large for any memory.
+    pub(super) fn open(
+        directory: &Path,
+        points: Vec<(Point, u32)>,
+        comparators: &[Comparator],
+        budget: bool,
+    ) -> Result<Self, Error> {
+        let comparators: Vec<_> =
+            Comparator::ALL.into_iter().filter(|known| comparators.contains(known)).collect();
+        let kept = output::directory(Some(&directory.join("screens")), "")?;
+        let mut tasks = Vec::new();
+        for (point, screens) in points {
+            let name = format!("n{}-{}.csv", point.n(), point.digest()?);
+            let checkpoint = Checkpoint::open(&kept.join(name))?;
+            let cases = cases(&point, &comparators, budget);
+            tasks.push(Task::new(point, checkpoint, screens, &cases)?);
+        }
+        Ok(Self { tasks, comparators, budget })
+    }
+
+    /// Time and memory in words; an error where the memory is not there, or for more than a day.
+    ///
+    /// # Errors
+    /// [`Error::Config`].
+    pub(super) fn estimate(&self, long: bool) -> Result<String, Error> {
+        let (mut seconds, mut bytes) = (0.0, 0);
+        for task in self.tasks.iter().filter(|task| !task.jobs.is_empty()) {
+            let workers = campaign::workers(task.jobs.len());
+            let most = task.jobs.iter().max_by_key(|(_, cases)| cases.len());
+            let Some((_, cases)) = most else { continue };
+            let cost = Cost::of_screen(&task.point, cases)?;
+            seconds += task.core_s.iter().sum::<f64>() / workers as f64;
+            bytes = bytes.max(cost.shared + workers as u64 * cost.each);
+        }
+        let gigabytes = bytes as f64 / 1e9;
+        let words = format!("{}, {gigabytes:.1} GB", in_words(seconds));
+        match cost::available() {
+            Some(available) if bytes > available => Err(Error::Config(format!(
+                "the run would take {words}, of which {:.1} GB are available: take a smaller --n, a lower --wind \
+                 or --frames, or RAYON_NUM_THREADS=1",
+                available as f64 / 1e9
+            ))),
+            _ if seconds > LONG_S && !long => Err(Error::Config(format!(
+                "the run would take about {words}: take fewer --screens or a smaller --n, or --long to start it"
+            ))),
+            _ => Ok(words),
+        }
+    }
+
+    /// Runs what is missing, behind bars that know the time left.
+    ///
+    /// # Errors
+    /// [`Error`] of the first screen that fails.
+    pub(super) fn run(&mut self) -> Result<(), Error> {
+        let total_s: f64 = self.tasks.iter().flat_map(|task| &task.core_s).sum();
+        let mut done_s = 0.0;
+        self.tasks.iter_mut().try_for_each(|task| task.run(&mut done_s, total_s))
+    }
+
+    /// How many screens, in words.
+    pub(super) fn screens(&self) -> String {
+        let each = || self.tasks.iter().map(|task| task.screens);
+        match (each().min(), each().max()) {
+            (Some(least), Some(most)) if least < most => format!("{least} to {most} screens"),
+            (_, most) => format!("{} screens", most.unwrap_or(0)),
+        }
+    }
+
+    /// The sky and the sensing, in words.
+    pub(super) fn sky(&self) -> String {
+        let point = &self.tasks[0].point;
+        let sky = if point.still() { "frozen" } else { "moving" };
+        let Conditions { sensing, noise_free, .. } = point.conditions();
+        let detector = match (sensing, noise_free) {
+            (Sensing::Geometric, _) => "exact gradients",
+            (Sensing::Images, true) => "images without noise",
+            (Sensing::Images, false) => "images with noise",
+        };
+        format!("{sky}, {detector}")
+    }
+
+    /// Sky, sensing, frames and seed, in words.
+    pub(super) fn conditions(&self) -> String {
+        let Conditions { frames, settle, seed, .. } = self.tasks[0].point.conditions();
+        format!("{}, {frames} frames after {settle} to settle, seed {seed}", self.sky())
+    }
+}
+
+/// The runs of `comparators`, with the steps towards them for a budget, each once.
+fn cases(point: &Point, comparators: &[Comparator], budget: bool) -> Vec<Case> {
+    let mut cases: Vec<Case> = comparators.iter().map(|&comparator| comparator.into()).collect();
+    if budget {
+        let chains = comparators.iter().flat_map(|&comparator| chain(point, comparator));
+        for (_, case) in chains {
+            if !cases.contains(&case) {
+                cases.push(case);
+            }
+        }
+    }
+    cases
+}
+
+impl Task {
+    /// What is missing at a point.
+    fn new(
+        point: Point,
+        checkpoint: Checkpoint,
+        screens: u32,
+        cases: &[Case],
+    ) -> Result<Self, Error> {
+        let missing = |screen: u32| -> Option<Job> {
+            let known = |case| checkpoint.finished().contains_key(&(screen, case));
+            let missing: Vec<_> = cases.iter().copied().filter(|&case| !known(case)).collect();
+            (!missing.is_empty()).then_some((screen, missing))
+        };
+        let jobs: Vec<Job> = (0..screens).filter_map(missing).collect();
+        let cost = |(_, cases): &Job| Ok(Cost::of_screen(&point, cases)?.core_s);
+        let core_s = jobs.iter().map(cost).collect::<Result<_, Error>>()?;
+        Ok(Self { point, screens, checkpoint, jobs, core_s })
+    }
+
+    /// Runs what is missing, behind a bar that knows `done_s` of `total_s`.
+    fn run(&mut self, done_s: &mut f64, total_s: f64) -> Result<(), Error> {
+        let Self { point, checkpoint, jobs, core_s, .. } = self;
+        if jobs.is_empty() {
+            return Ok(());
+        }
+        let (bar, mut progress) = progress::fraction("calibration");
+        let mut needed: Vec<_> = jobs.iter().flat_map(|(_, cases)| cases).copied().collect();
+        needed.sort_unstable();
+        needed.dedup();
+        let prepared = point.prepare(&needed, &mut progress)?;
+        bar.finish_and_clear();
+        let bar = progress::share(format!("N = {}", point.n()));
+        let mean_s = core_s.iter().sum::<f64>() / core_s.len() as f64;
+        bar.set_position((1000.0 * *done_s / total_s) as u64);
+        bar.reset_eta();
+        let workers = campaign::workers(jobs.len());
+        campaign::run(&prepared, jobs, workers, &mut |screen, outcomes| {
+            *done_s += mean_s;
+            bar.set_position((1000.0 * *done_s / total_s) as u64);
+            checkpoint.add(screen, outcomes)
+        })?;
+        bar.finish_and_clear();
+        Ok(())
+    }
+
+    /// D / r0.
+    pub(super) fn diameter_in_r0(&self) -> f64 {
+        self.point.pupil().diameter_m() / self.point.instrument().atmosphere.r0_m
+    }
+
+    /// What a case came to under a screen; all are there once the campaign has run.
+    pub(super) fn outcome(&self, screen: u32, case: impl Into<Case>) -> Outcome {
+        self.checkpoint.finished()[&(screen, case.into())]
+    }
+
+    /// One number of each screen, in their order.
+    pub(super) fn values(&self, case: impl Into<Case>, of: fn(&Outcome) -> f64) -> Vec<f64> {
+        let case = case.into();
+        (0..self.screens).map(|screen| of(&self.outcome(screen, case))).collect()
+    }
+
+    /// The chain of a sensor's error budget, with the variance of each screen.
+    pub(super) fn chain(&self, comparator: Comparator) -> Vec<(Step, Vec<f64>)> {
+        let variance = |case| self.values(case, |outcome| outcome.variance_rad2);
+        chain(&self.point, comparator).into_iter().map(|(s, case)| (s, variance(case))).collect()
+    }
+}
+
+fn in_words(seconds: f64) -> String {
+    match seconds {
+        s if s < 120.0 => format!("{s:.0} s"),
+        s if s < 7200.0 => format!("{:.0} minutes", s / 60.0),
+        s if s < 2.0 * LONG_S => format!("{:.0} hours", s / 3600.0),
+        s => format!("{:.0} days", s / LONG_S),
+    }
+}
