@@ -87,7 +87,7 @@ impl Detector {
             full_well_e: spec.full_well_e as f32,
             adu_per_e: (1.0 / spec.gain_e_per_adu) as f32,
             offset_adu: (spec.bias_adu + 0.5) as f32,
-            max_code: spec.max_code() as f32,
+            max_code: f32::from(spec.max_code()),
             read_noise_e: spec.read_noise_e as f32,
             spec,
             response,
@@ -171,8 +171,9 @@ impl Detector {
     fn digitise(&self, charge_e: f32, noise_e: f32) -> u16 {
         let charge = charge_e.min(self.full_well_e) + noise_e;
         let code = charge * self.adu_per_e + self.offset_adu;
-        // Written as minimum and maximum, `clamp` would look at its limits each time.
-        floor(code.max(0.0).min(self.max_code)) as u16
+        // `clamp` would look at its limits each time.
+        let not_above = code.min(self.max_code);
+        floor(not_above.max(0.0)) as u16
     }
 
     fn check_sizes(&self, expected_e: &[f32], out: &[u16]) -> Result<(), DetectorError> {
@@ -192,8 +193,10 @@ impl Detector {
 /// Mean charge of a pixel, e-; light that is negative or NaN counts as none.
 #[inline(always)]
 fn mean_e(expected_e: f32, response: f32, dark_e: f32) -> f32 {
-    // `max` also turns NaN into 0; infinite light would leave a blind pixel without a number.
-    expected_e.max(0.0).min(f32::MAX) * response + dark_e
+    // `max` also turns NaN into 0.
+    let light_e = expected_e.max(0.0);
+    // Infinite light on a blind pixel would not be a number.
+    light_e.min(f32::MAX) * response + dark_e
 }
 
 /// One row of one frame.
