@@ -79,7 +79,7 @@ impl PoissonSampler {
             *steps = floor(mean * (1.0 / FINE_STEP));
             *rest = mean - *steps as i32 as f32 * FINE_STEP;
         }
-        // Most pixels of a window are in the dark.
+        // Most pixels of a window are in the dark. `FINE_MEANS` is a power of two.
         let lit = steps.iter().fold(0, |all, steps| all | steps) >= FINE_MEANS as u32;
         if lit {
             let bits = random.draw::<_, 2>(simd);
@@ -97,7 +97,7 @@ impl PoissonSampler {
         counts
     }
 
-    /// Takes from each mean what is left below [`BRIGHT_STEP`], and counts that.
+    /// Draws the multiples of [`BRIGHT_STEP`] and leaves the rest of each mean.
     fn take_bright(
         &self,
         bits: &[[u32; LANES]; 4],
