@@ -9,19 +9,26 @@
 //! ```
 //! The well limits the charge, before the amplifier adds its noise, as in a real device.
 //!
-//! Each row of each frame draws from its own random stream ([`noise::row_stream`]), so a frame is
+//! Each row of each frame draws from its own random stream (`stream::RowStream`), so a frame is
 //! a function of (specification, expectation, seed, frame number) alone, whatever the number of
 //! threads and whichever frames were read before.
 
-pub mod noise;
-pub mod poisson;
+mod alias;
+mod floor;
+mod normal;
+mod poisson;
+mod ptrs;
+mod response;
 mod spec;
+mod stream;
 mod windows;
 
+use floor::floor;
+use poisson::{BLOCK, PoissonSampler};
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
-
-use poisson::PoissonSampler;
 pub use spec::{BadPixel, DetectorError, DetectorSpec, PixelFault};
+use stream::RowStream;
 pub use windows::place;
 
 /// Rows that one task reads at least: handing a row to another thread costs as much as reading it.
@@ -31,8 +38,13 @@ const ROWS_PER_TASK: usize = 16;
 #[derive(Debug, Clone)]
 pub struct Detector {
     spec: DetectorSpec,
+    full_well_e: f32,
     /// Reciprocal of the gain: a division per pixel would show.
-    adu_per_e: f64,
+    adu_per_e: f32,
+    /// Bias, and the half that rounds.
+    offset_adu: f32,
+    max_code: f32,
+    read_noise_e: f32,
     /// Photo-electrons collected per expected photo-electron, per pixel.
     response: Vec<f32>,
     /// Mean dark charge per pixel and frame, e-.
@@ -60,7 +72,7 @@ impl Detector {
     /// Names the first field that is out of its limits.
     pub fn new(spec: DetectorSpec) -> Result<Self, DetectorError> {
         spec.check()?;
-        let mut response = noise::response_map(&spec);
+        let mut response = response::response_map(&spec);
         let mut dark_e = vec![spec.dark_e_per_frame as f32; spec.width * spec.height];
         for pixel in &spec.bad_pixels {
             let index = pixel.y * spec.width + pixel.x;
@@ -71,7 +83,16 @@ impl Detector {
                 PixelFault::Dead => 0.0,
             };
         }
-        Ok(Self { adu_per_e: 1.0 / spec.gain_e_per_adu, spec, response, dark_e })
+        Ok(Self {
+            full_well_e: spec.full_well_e as f32,
+            adu_per_e: (1.0 / spec.gain_e_per_adu) as f32,
+            offset_adu: (spec.bias_adu + 0.5) as f32,
+            max_code: f32::from(spec.max_code()),
+            read_noise_e: spec.read_noise_e as f32,
+            spec,
+            response,
+            dark_e,
+        })
     }
 
     /// The specification this detector was made from.
@@ -95,25 +116,14 @@ impl Detector {
     ) -> Result<(), DetectorError> {
         self.check_sizes(expected_e, out)?;
         let width = self.spec.width;
-        let poisson = PoissonSampler::get();
+        let arch = Arch::new();
         out.par_chunks_mut(width)
             .zip(expected_e.par_chunks(width))
             .enumerate()
             .with_min_len(ROWS_PER_TASK)
-            .for_each_init(
-                || (vec![0.0; width], vec![0.0; width]),
-                |(charges, normals), (y, (codes, expected))| {
-                    let mut random = noise::row_stream(seed, frame, y as u64);
-                    for (x, (charge, &expected)) in charges.iter_mut().zip(expected).enumerate() {
-                        *charge = poisson.draw(&mut random, self.mean_e(y * width + x, expected));
-                    }
-                    noise::fill_normal(&mut random, normals);
-                    for ((code, &charge), &normal) in codes.iter_mut().zip(&*charges).zip(&*normals)
-                    {
-                        *code = self.digitise(charge, self.spec.read_noise_e * f64::from(normal));
-                    }
-                },
-            );
+            .for_each(|(y, (codes, expected_e))| {
+                arch.dispatch(Row { detector: self, expected_e, frame, seed, y, codes });
+            });
         Ok(())
     }
 
@@ -128,7 +138,8 @@ impl Detector {
     ) -> Result<(), DetectorError> {
         self.check_sizes(expected_e, out)?;
         for (index, (code, &expected)) in out.iter_mut().zip(expected_e).enumerate() {
-            *code = self.digitise(self.mean_e(index, expected), 0.0);
+            let mean = mean_e(expected, self.response[index], self.dark_e[index]);
+            *code = self.digitise(mean, 0.0);
         }
         Ok(())
     }
@@ -156,16 +167,13 @@ impl Detector {
         }
     }
 
-    fn mean_e(&self, index: usize, expected_e: f32) -> f64 {
-        // `max` also turns NaN into 0.
-        f64::from(expected_e.max(0.0) * self.response[index]) + f64::from(self.dark_e[index])
-    }
-
-    fn digitise(&self, charge_e: f64, noise_e: f64) -> u16 {
-        let charge = charge_e.min(self.spec.full_well_e) + noise_e;
-        let code = charge * self.adu_per_e + self.spec.bias_adu + 0.5;
-        // The conversion truncates, which is the floor of what the clamp leaves.
-        code.clamp(0.0, f64::from(self.spec.max_code())) as u16
+    #[inline(always)]
+    fn digitise(&self, charge_e: f32, noise_e: f32) -> u16 {
+        let charge = charge_e.min(self.full_well_e) + noise_e;
+        let code = charge * self.adu_per_e + self.offset_adu;
+        // `clamp` would look at its limits each time.
+        let not_above = code.min(self.max_code);
+        floor(not_above.max(0.0)) as u16
     }
 
     fn check_sizes(&self, expected_e: &[f32], out: &[u16]) -> Result<(), DetectorError> {
@@ -179,5 +187,52 @@ impl Detector {
         };
         check("expected photo-electrons", expected_e.len())?;
         check("output frame", out.len())
+    }
+}
+
+/// Mean charge of a pixel, e-; light that is negative or NaN counts as none.
+#[inline(always)]
+fn mean_e(expected_e: f32, response: f32, dark_e: f32) -> f32 {
+    // `max` also turns NaN into 0.
+    let light_e = expected_e.max(0.0);
+    // Infinite light on a blind pixel would not be a number.
+    light_e.min(f32::MAX) * response + dark_e
+}
+
+/// One row of one frame.
+struct Row<'a> {
+    detector: &'a Detector,
+    expected_e: &'a [f32],
+    frame: u64,
+    seed: u64,
+    y: usize,
+    codes: &'a mut [u16],
+}
+
+impl WithSimd for Row<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { detector, expected_e, frame, seed, y, codes } = self;
+        let poisson = PoissonSampler::get();
+        let mut random = RowStream::new(seed, frame, y as u64);
+        let here = y * codes.len()..(y + 1) * codes.len();
+        let response = detector.response[here.clone()].chunks(BLOCK);
+        let maps = response.zip(detector.dark_e[here].chunks(BLOCK));
+        let blocks = codes.chunks_mut(BLOCK).zip(expected_e.chunks(BLOCK));
+        for ((codes, expected), (response, dark)) in blocks.zip(maps) {
+            let mut means = [0.0; BLOCK];
+            for (((mean, &expected), &response), &dark) in
+                means.iter_mut().zip(expected).zip(response).zip(dark)
+            {
+                *mean = mean_e(expected, response, dark);
+            }
+            let charges = poisson.draw(simd, &mut random, means);
+            let normals = normal::draw(simd, &mut random);
+            for ((code, &charge), &normal) in codes.iter_mut().zip(&charges).zip(&normals) {
+                *code = detector.digitise(charge, detector.read_noise_e * normal);
+            }
+        }
     }
 }

@@ -1,10 +1,6 @@
 //! The detector against its equations.
 
-use host_sim::detector::{
-    BadPixel, Detector, DetectorError, DetectorSpec, PixelFault, place, poisson::PoissonSampler,
-};
-use rand::SeedableRng;
-use rand_xoshiro::Xoshiro256PlusPlus;
+use host_sim::detector::{BadPixel, Detector, DetectorError, DetectorSpec, PixelFault, place};
 
 fn spec() -> DetectorSpec {
     DetectorSpec { width: 96, height: 64, ..DetectorSpec::default() }
@@ -50,31 +46,63 @@ fn photon_transfer_curve() {
     }
 }
 
+/// Ten million codes of a detector that counts electrons, against exp(-m) m^k / k! by Pearson's test, and
+/// their mean and variance, at means on both sides of where the way of drawing changes.
 #[test]
 fn counts_follow_the_poisson_distribution() {
-    let sampler = PoissonSampler::get();
-    let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
-    for mean in [0.05, 0.9, 4.03, 27.77, 127.99, 300.0] {
-        let draws = 200_000;
-        let mut seen = vec![0_u32; 600];
-        for _ in 0..draws {
-            seen[sampler.draw(&mut random, mean) as usize] += 1;
+    let counting = DetectorSpec {
+        width: 1000,
+        height: 1000,
+        bits: 16,
+        gain_e_per_adu: 1.0,
+        read_noise_e: 0.0,
+        bias_adu: 0.0,
+        full_well_e: 1e6,
+        ..spec()
+    };
+    let detector = Detector::new(counting).unwrap();
+    for mean in [0.003, 0.05, 0.9, 3.99, 27.77, 127.99, 300.0, 4095.0, 4097.0] {
+        let (expected, draws) = (uniform(&detector, mean), 1e7);
+        let mean = f64::from(mean);
+        let mut seen = vec![0_u32; 5000];
+        for frame in 0..10 {
+            for code in read(&detector, &expected, frame, 8) {
+                seen[usize::from(code)] += 1;
+            }
         }
-        let (mut chi2, mut bins) = (0.0, 0.0_f64);
-        let mut ln_probability = -mean;
+        let (mut chi2, mut bins, mut total, mut square) = (0.0, 0.0_f64, 0.0, 0.0);
         for (count, &seen) in seen.iter().enumerate() {
-            let expected = f64::from(draws) * f64::exp(ln_probability);
+            let (seen, count) = (f64::from(seen), count as f64);
+            total += seen * count;
+            square += seen * (count - mean).powi(2);
+            let ln_probability = count * mean.ln() - mean - libm::lgamma(count + 1.0);
+            let expected = draws * ln_probability.exp();
             if expected > 20.0 {
-                chi2 += (f64::from(seen) - expected).powi(2) / expected;
+                chi2 += (seen - expected).powi(2) / expected;
                 bins += 1.0;
             }
-            ln_probability += (mean / (count + 1) as f64).ln();
         }
         assert!(chi2 < bins + 4.5 * (2.0 * bins).sqrt() + 5.0, "mean {mean}: {chi2} on {bins}");
+        let error = total / draws - mean;
+        assert!(error.abs() <= 4.5 * (mean / draws).sqrt(), "mean {mean}: {error:e} off");
+        // Fourth moment about the mean: m + 3 m^2.
+        let error = square / draws - mean;
+        let sigma = ((mean + 2.0 * mean * mean) / draws).sqrt();
+        assert!(error.abs() <= 4.5 * sigma, "mean {mean}: variance {error:e} off");
     }
-    for mean in [0.0, -3.0, f64::NAN] {
-        assert_eq!(sampler.draw(&mut random, mean), 0.0);
+}
+
+#[test]
+fn no_light_is_no_charge() {
+    let dark = Detector::new(DetectorSpec { read_noise_e: 0.0, ..spec() }).unwrap();
+    for level in [0.0, -3.0, f32::NAN, f32::NEG_INFINITY] {
+        assert!(read(&dark, &uniform(&dark, level), 0, 0).iter().all(|&code| code == 64));
     }
+    // Infinite light on a blind pixel.
+    let blind = vec![BadPixel { x: 1, y: 0, kind: PixelFault::Dead }];
+    let spec = DetectorSpec { bad_pixels: blind, ..dark.spec().clone() };
+    let detector = Detector::new(spec).unwrap();
+    assert_eq!(read(&detector, &uniform(&detector, f32::INFINITY), 0, 0)[1], 64);
 }
 
 #[test]

@@ -65,25 +65,26 @@ impl BlockOtf {
         }
         for ly in 0..n {
             for v in (0..self.width).step_by(S::F32_LANES) {
-                let mut total_re = simd.splat_f32s(0.0);
-                let mut total_im = simd.splat_f32s(0.0);
+                // Four sums, so that none waits for another.
+                let [mut rr, mut ii, mut ri, mut ir] = [simd.splat_f32s(0.0); 4];
                 for row in 0..n - ly {
-                    for col in 0..n {
-                        let at = row * self.stride + n - 1 + col;
-                        let a_re = simd.splat_f32s(re[at]);
-                        let a_im = simd.splat_f32s(im[at]);
-                        // Lag -(n - 1) of column `col` is n - 1 columns before it.
-                        let to = (row + ly) * self.stride + col + v;
-                        let b_re = S::as_simd_f32s(&re[to..to + S::F32_LANES]).0[0];
-                        let b_im = S::as_simd_f32s(&im[to..to + S::F32_LANES]).0[0];
-                        total_re = simd.mul_add_e_f32s(a_re, b_re, total_re);
-                        total_im = simd.mul_add_e_f32s(a_re, b_im, total_im);
-                        total_re = simd.mul_add_e_f32s(a_im, b_im, total_re);
-                        total_im = simd.negate_mul_add_e_f32s(a_im, b_re, total_im);
+                    // Lag -(n - 1) of column `col` is n - 1 columns before it.
+                    let (from, to) = (row * self.stride + n - 1, (row + ly) * self.stride + v);
+                    let a = re[from..from + n].iter().zip(&im[from..from + n]);
+                    for (col, (&a_re, &a_im)) in a.enumerate() {
+                        let (a_re, a_im) = (simd.splat_f32s(a_re), simd.splat_f32s(a_im));
+                        let to = to + col..to + col + S::F32_LANES;
+                        let b_re = S::as_simd_f32s(&re[to.clone()]).0[0];
+                        let b_im = S::as_simd_f32s(&im[to]).0[0];
+                        rr = simd.mul_add_e_f32s(a_re, b_re, rr);
+                        ii = simd.mul_add_e_f32s(a_im, b_im, ii);
+                        ri = simd.mul_add_e_f32s(a_re, b_im, ri);
+                        ir = simd.mul_add_e_f32s(a_im, b_re, ir);
                     }
                 }
-                S::as_mut_simd_f32s(&mut sum_re[v..v + S::F32_LANES]).0[0] = total_re;
-                S::as_mut_simd_f32s(&mut sum_im[v..v + S::F32_LANES]).0[0] = total_im;
+                let here = v..v + S::F32_LANES;
+                S::as_mut_simd_f32s(&mut sum_re[here.clone()]).0[0] = simd.add_f32s(rr, ii);
+                S::as_mut_simd_f32s(&mut sum_im[here]).0[0] = simd.sub_f32s(ri, ir);
             }
             let row = ly * (2 * n - 1)..(ly + 1) * (2 * n - 1);
             lags.re[row.clone()].copy_from_slice(&sum_re[..2 * n - 1]);

@@ -106,19 +106,22 @@ impl FocalPlane {
         for v in (0..self.padded).step_by(S::F32_LANES) {
             let here = v..v + S::F32_LANES;
             for ly in 0..self.samples {
-                let mut re = simd.splat_f32s(0.0);
-                let mut im = simd.splat_f32s(0.0);
-                for lx in 0..lags {
-                    let a_re = simd.splat_f32s(otf.re[ly * lags + lx]);
-                    let a_im = simd.splat_f32s(otf.im[ly * lags + lx]);
-                    let at = lx * self.padded;
-                    let k_re = S::as_simd_f32s(&self.x_re[at..][here.clone()]).0[0];
-                    let k_im = S::as_simd_f32s(&self.x_im[at..][here.clone()]).0[0];
-                    re = simd.mul_add_e_f32s(a_re, k_re, re);
-                    im = simd.mul_add_e_f32s(a_re, k_im, im);
-                    re = simd.negate_mul_add_e_f32s(a_im, k_im, re);
-                    im = simd.mul_add_e_f32s(a_im, k_re, im);
+                // Four sums, so that none waits for another.
+                let [mut rr, mut ii, mut ri, mut ir] = [simd.splat_f32s(0.0); 4];
+                let here_otf = ly * lags..(ly + 1) * lags;
+                let values = otf.re[here_otf.clone()].iter().zip(&otf.im[here_otf]);
+                let kernel_re = self.x_re.chunks_exact(self.padded);
+                let kernels = kernel_re.zip(self.x_im.chunks_exact(self.padded));
+                for ((&a_re, &a_im), (k_re, k_im)) in values.zip(kernels) {
+                    let (a_re, a_im) = (simd.splat_f32s(a_re), simd.splat_f32s(a_im));
+                    let k_re = S::as_simd_f32s(&k_re[here.clone()]).0[0];
+                    let k_im = S::as_simd_f32s(&k_im[here.clone()]).0[0];
+                    rr = simd.mul_add_e_f32s(a_re, k_re, rr);
+                    ii = simd.mul_add_e_f32s(a_im, k_im, ii);
+                    ri = simd.mul_add_e_f32s(a_re, k_im, ri);
+                    ir = simd.mul_add_e_f32s(a_im, k_re, ir);
                 }
+                let (re, im) = (simd.sub_f32s(rr, ii), simd.add_f32s(ri, ir));
                 let at = ly * self.padded;
                 S::as_mut_simd_f32s(&mut rows_re[at..][here.clone()]).0[0] = re;
                 S::as_mut_simd_f32s(&mut rows_im[at..][here.clone()]).0[0] = im;
@@ -129,15 +132,17 @@ impl FocalPlane {
             let y_im = &self.y_im[row * self.samples..][..self.samples];
             for v in (0..self.padded).step_by(S::F32_LANES) {
                 let here = v..v + S::F32_LANES;
-                let mut sum = simd.splat_f32s(0.0);
-                for (ly, (&k_re, &k_im)) in y_re.iter().zip(y_im).enumerate() {
-                    let at = ly * self.padded;
-                    let a_re = S::as_simd_f32s(&rows_re[at..][here.clone()]).0[0];
-                    let a_im = S::as_simd_f32s(&rows_im[at..][here.clone()]).0[0];
-                    sum = simd.mul_add_e_f32s(a_re, simd.splat_f32s(k_re), sum);
-                    sum = simd.negate_mul_add_e_f32s(a_im, simd.splat_f32s(k_im), sum);
+                let [mut of_re, mut of_im] = [simd.splat_f32s(0.0); 2];
+                let kernel = y_re.iter().zip(y_im);
+                let rows_re = rows_re.chunks_exact(self.padded);
+                let rows = rows_re.zip(rows_im.chunks_exact(self.padded));
+                for ((&k_re, &k_im), (row_re, row_im)) in kernel.zip(rows) {
+                    let row_re = S::as_simd_f32s(&row_re[here.clone()]).0[0];
+                    let row_im = S::as_simd_f32s(&row_im[here.clone()]).0[0];
+                    of_re = simd.mul_add_e_f32s(row_re, simd.splat_f32s(k_re), of_re);
+                    of_im = simd.mul_add_e_f32s(row_im, simd.splat_f32s(k_im), of_im);
                 }
-                S::as_mut_simd_f32s(&mut line[here]).0[0] = sum;
+                S::as_mut_simd_f32s(&mut line[here]).0[0] = simd.sub_f32s(of_re, of_im);
             }
             image.copy_from_slice(&line[..self.window]);
         }

@@ -138,8 +138,10 @@ impl WithSimd for Spot<'_> {
         camera.block_otf.lags(simd, path, subaperture, block, otf);
         // The transfer function is one at lag zero.
         let norm = 1.0 / (camera.pupil.samples() * camera.pupil.samples()) as f32;
-        for value in otf.re.iter_mut().chain(&mut otf.im) {
-            *value *= norm;
+        for part in [&mut otf.re, &mut otf.im] {
+            for value in part {
+                *value *= norm;
+            }
         }
         camera.focal_plane.image(simd, otf, focal_plane, image);
     }
