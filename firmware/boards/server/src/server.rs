@@ -11,7 +11,7 @@ use splash_firmware::gate::GateStamp;
 use splash_firmware::identity;
 use splash_firmware::interlock::{Inputs, Times};
 use splash_firmware::link::{
-    Counters, Identity, Message, Reason, Receiver, Request, Response, Status,
+    Counters, Identity, Message, PIECE, Reason, Receiver, Request, Response, Status,
 };
 use splash_firmware::mirror::Serials;
 use splash_firmware::mode::{Mode, Refusal};
