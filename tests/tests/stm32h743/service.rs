@@ -203,6 +203,30 @@ fn an_instrument_is_loaded_and_its_frames_told() {
     assert_eq!(measured[..], [Response::Refused(Reason::Row(RowError::NotBegun))]);
 }
 
+/// Raw pixels, as a calibration over the link asks for them.
+#[test]
+fn a_row_of_the_next_frame_is_told_as_it_came() {
+    let (row, first) = (37u16, 9u16);
+    let width = usize::from(instrument().detector.width);
+    let height = instrument().detector.height;
+    let mut requests = load(bank());
+    requests.push(Request::Pixels { row, first });
+    requests.push(Request::Pixels { row: height, first });
+    requests.push(Request::Pixels { row, first: width as u16 });
+    let pixels = &detector_frames(1)[0];
+    let (_, answers, _) = serve(Some(pixels), Cells::new(), &requests);
+    let [told, beyond, beside] = answers.last_chunk().expect("three");
+    let [Response::Pixels { bytes, .. }] = &told[..] else { panic!("{told:?}") };
+    let start = usize::from(row) * width + usize::from(first);
+    let expected = &pixels[start..start + (width - usize::from(first)).min(128)];
+    assert!(bytes.iter().copied().eq(expected.iter().flat_map(|pixel| pixel.to_le_bytes())));
+    let place = |found: u16, entries: u16| {
+        Response::Refused(Reason::Place { found: found.into(), entries: entries.into() })
+    };
+    assert_eq!(beyond[..], [place(height, height)]);
+    assert_eq!(beside[..], [place(width as u16, width as u16)]);
+}
+
 #[test]
 fn without_frames_one_that_is_asked_for_is_told_as_missing() {
     let mut requests = load(bank());

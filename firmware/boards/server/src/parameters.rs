@@ -74,6 +74,33 @@ pub fn running<const M: usize, const P: usize, const B: usize>(
     })
 }
 
+/// Whether a frame has this row and column.
+///
+/// # Errors
+/// [`Reason::Place`] with the one that it lacks.
+pub fn find_pixel<const M: usize, const P: usize, const B: usize>(
+    config: &Config<M, P, B>,
+    row: u16,
+    column: u16,
+) -> Result<(), Reason> {
+    for (found, entries) in [(row, config.height()), (column, config.width())] {
+        if found >= entries {
+            return Err(Reason::Place { found: found.into(), entries: entries.into() });
+        }
+    }
+    Ok(())
+}
+
+/// Raw pixels as [`Response::Pixels`] has them: as many as there is room for.
+#[must_use]
+pub fn raw_pixels(pixels: &[u16]) -> heapless::Vec<u8, PIECE> {
+    let mut bytes = heapless::Vec::new();
+    for byte in pixels.iter().take(PIECE / 2).flat_map(|pixel| pixel.to_le_bytes()) {
+        let _ = bytes.push(byte);
+    }
+    bytes
+}
+
 /// Sends bytes of the running configuration's image. `Ready` behind them is left to the caller.
 ///
 /// # Errors

@@ -155,9 +155,8 @@ impl Wanted {
     fn look(&mut self, rows: &[u16], start: usize, width: usize) {
         let row = self.row.checked_sub(start).and_then(|row| rows.chunks(width).nth(row));
         let pixels = row.and_then(|row| row.get(self.first..)).unwrap_or_default();
-        for byte in pixels.iter().take(PIECE / 2).flat_map(|pixel| pixel.to_le_bytes()) {
-            // As many as there is room for.
-            let _ = self.bytes.push(byte);
+        if !pixels.is_empty() {
+            self.bytes = parameters::raw_pixels(pixels);
         }
     }
 }
@@ -241,19 +240,13 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
                 out.send(Response::Ready)?;
             }
             Request::Pixels { row, first } => {
-                let config = self.banks.running();
-                let place = |found: u16, entries: u16| Reason::Place {
-                    found: found.into(),
-                    entries: entries.into(),
-                };
-                if row >= config.height() {
-                    out.send(refused(place(row, config.height())))?;
-                } else if first >= config.width() {
-                    out.send(refused(place(first, config.width())))?;
-                } else {
-                    let (sequence, bytes) = (request.sequence, heapless::Vec::new());
-                    let (row, first) = (row.into(), first.into());
-                    self.wanted = Some(Wanted { sequence, row, first, bytes });
+                match parameters::find_pixel(self.banks.running(), row, first) {
+                    Ok(()) => {
+                        let (sequence, bytes) = (request.sequence, heapless::Vec::new());
+                        let (row, first) = (row.into(), first.into());
+                        self.wanted = Some(Wanted { sequence, row, first, bytes });
+                    }
+                    Err(reason) => out.send(Response::Refused(reason))?,
                 }
             }
             other => {

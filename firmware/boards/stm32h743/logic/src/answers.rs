@@ -12,12 +12,14 @@ use splash_firmware::controller;
 use splash_firmware::controller::FrameResult;
 use splash_firmware::fault::{self, KINDS, RECORDS};
 use splash_firmware::interlock::Outputs;
+use splash_firmware::link::PIECE;
 use splash_firmware::mode::{Mode, Refusal, TRANSITIONS, Transition};
 use splash_firmware::pipeline::{GlobalTilt, Totals};
 use splash_firmware::segments::{ACTUATORS, Position};
 use splash_firmware::slopes::Slope;
 use splash_firmware::strehl;
 use splash_firmware::telemetry::{Decimation, Dropped};
+use splash_server::parameters::raw_pixels;
 
 /// A bank that is to run.
 #[derive(Debug)]
@@ -49,6 +51,8 @@ pub enum Command<const M: usize, const P: usize, const B: usize> {
     Books,
     /// Telemetry from now on, if another is wanted, and what was dropped.
     Streams(Option<Decimation>),
+    /// Raw pixels of this row of the next frame, from this column on.
+    Row(u16, u16),
 }
 
 /// What the frames' exception answers.
@@ -67,6 +71,18 @@ pub enum Answer<const M: usize, const P: usize, const B: usize> {
     Books(Books),
     /// Telemetry.
     Streams(Decimation, Dropped),
+    /// Pixels, u16 little-endian, and the frame they are of; `None` if the next frame lacks the row.
+    Row(Option<(u32, Vec<u8, PIECE>)>),
+}
+
+/// A row that was asked for.
+#[derive(Debug)]
+pub(crate) struct Wanted {
+    row: u16,
+    first: u16,
+    /// Frames that ended without it: the first may have been in its middle.
+    ended: u8,
+    found: Option<(u32, Vec<u8, PIECE>)>,
 }
 
 /// What the last frame left.
@@ -174,6 +190,28 @@ impl<D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
         self.answer(Answer::NextFrame(self.frames.snapshot()));
     }
 
+    /// Looks for the row that was asked for in the block that was the frame's `place`-th.
+    #[inline(never)]
+    pub(crate) fn look(&mut self, place: u16, rows: u16, width: u16, pixels: &[u16]) {
+        let Some(wanted) = &mut self.wanted else { return };
+        let row = wanted.row.checked_sub(place.saturating_mul(rows));
+        let row = row.and_then(|row| pixels.chunks(usize::from(width.max(1))).nth(row.into()));
+        let Some(row) = row.and_then(|row| row.get(usize::from(wanted.first)..)) else { return };
+        wanted.found = Some((self.frames.controller.at().frame, raw_pixels(row)));
+    }
+
+    /// A frame has ended: the row that was asked for, or that there was none.
+    #[inline(never)]
+    pub(crate) fn end_of_row(&mut self) {
+        let Some(wanted) = &mut self.wanted else { return };
+        wanted.ended += 1;
+        if wanted.found.is_some() || wanted.ended > 1 {
+            let found = wanted.found.take();
+            self.wanted = None;
+            self.answer(Answer::Row(found));
+        }
+    }
+
     /// Has the bank run that was ordered, unless a frame is being read.
     #[inline(never)]
     pub(crate) fn exchange(&mut self, hardware: &mut impl Hardware) {
@@ -207,6 +245,10 @@ impl<D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
             Command::GlobalTilt(tilt) => return frames.controller.set_global_tilt(tilt),
             Command::NextFrame => {
                 self.asked = true;
+                return;
+            }
+            Command::Row(row, first) => {
+                self.wanted = Some(Wanted { row, first, ended: 0, found: None });
                 return;
             }
             Command::State => Answer::State(frames.snapshot()),

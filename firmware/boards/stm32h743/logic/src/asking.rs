@@ -2,8 +2,10 @@
 
 use crate::answers::{Answer, Books, Command, Next, Snapshot};
 use crate::bank::Half;
+use heapless::Vec;
 use heapless::spsc::{Consumer, Producer};
 use splash_firmware::controller;
+use splash_firmware::link::PIECE;
 use splash_firmware::mode::Refusal;
 use splash_firmware::pipeline::GlobalTilt;
 use splash_firmware::telemetry::{Decimation, Dropped};
@@ -112,6 +114,20 @@ impl<'q, const M: usize, const P: usize, const B: usize> Asking<'q, M, P, B> {
     ) -> (Decimation, Dropped) {
         self.ask(Command::Streams(decimation), wait, |answer| match answer {
             Answer::Streams(decimation, dropped) => Some((decimation, dropped)),
+            _ => None,
+        })
+    }
+
+    /// Raw pixels, u16 little-endian, of a row of the next frame from a column on, and the frame's number;
+    /// `None` if that frame lacks the row.
+    pub fn row(
+        &mut self,
+        row: u16,
+        first: u16,
+        wait: &mut dyn FnMut() -> bool,
+    ) -> Option<(u32, Vec<u8, PIECE>)> {
+        self.ask(Command::Row(row, first), wait, |answer| match answer {
+            Answer::Row(found) => Some(found),
             _ => None,
         })
     }

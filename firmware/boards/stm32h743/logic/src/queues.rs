@@ -7,7 +7,7 @@
 //!
 //! A bank is one of the values ([`crate::bank`]): who has it may use it, so none can change in a frame.
 
-use crate::answers::{Answer, Command, Next};
+use crate::answers::{Answer, Command, Next, Wanted};
 use crate::asking::Asking;
 use crate::dac_bus::DacBus;
 use crate::frame_loop::{Counter, FrameLoop, Record, Taken};
@@ -46,8 +46,8 @@ pub struct Tagged {
 /// To start the detector anew: what is older is not looked at.
 #[derive(Clone, Copy, Debug)]
 pub struct Order {
-    start: u8,
-    shape: Shape,
+    pub(crate) start: u8,
+    pub(crate) shape: Shape,
 }
 
 /// What the frames' exception tells without being asked.
@@ -218,7 +218,7 @@ impl RowSide<'_> {
 /// The frames' ends of the queues.
 pub struct FrameEnds<'q, const M: usize, const P: usize, const B: usize> {
     events: Consumer<'q, Tagged>,
-    orders: Producer<'q, Order>,
+    pub(crate) orders: Producer<'q, Order>,
     commands: Consumer<'q, Command<M, P, B>>,
     pub(crate) answers: Producer<'q, Answer<M, P, B>>,
     pub(crate) news: Producer<'q, News>,
@@ -248,13 +248,15 @@ pub struct FrameSide<'q, D, C, const M: usize, const P: usize, const B: usize> {
     pub(crate) frames: FrameLoop<'static, D, C, M, P, B>,
     pub(crate) ends: FrameEnds<'q, M, P, B>,
     /// Number of the detector's last start.
-    start: u8,
+    pub(crate) start: u8,
     /// The next frame's state is asked for.
     pub(crate) asked: bool,
+    /// Raw pixels that were asked for.
+    pub(crate) wanted: Option<Wanted>,
     /// A bank that is to run from the next boundary on.
     pub(crate) ordered: Option<Next<M, P, B>>,
     /// What the gate's timer was set to.
-    gate: Option<GateTimer>,
+    pub(crate) gate: Option<GateTimer>,
 }
 
 impl<'q, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
@@ -262,7 +264,7 @@ impl<'q, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
 {
     /// A loop and its ends of the queues.
     pub fn new(frames: FrameLoop<'static, D, C, M, P, B>, ends: FrameEnds<'q, M, P, B>) -> Self {
-        Self { frames, ends, start: 0, asked: false, ordered: None, gate: None }
+        Self { frames, ends, start: 0, asked: false, wanted: None, ordered: None, gate: None }
     }
 
     /// The loop.
@@ -292,7 +294,12 @@ impl<'q, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
         let fault = match event {
             Event::Block { slot, start, at } => {
                 let Some(shape) = self.frames.shape().copied() else { return };
-                let taken = self.frames.block(start, at, hardware.pixels(&shape, slot));
+                let place = if start.is_some() { 0 } else { self.frames.next };
+                let pixels = hardware.pixels(&shape, slot);
+                let taken = self.frames.block(start, at, pixels);
+                if self.wanted.is_some() {
+                    self.look(place, shape.rows, shape.width, pixels);
+                }
                 if start.is_some() {
                     // What was asked for runs from this frame's beginning on.
                     self.gate(hardware);
@@ -315,26 +322,6 @@ impl<'q, D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
         self.exchange(hardware);
         if let Some(fault) = fault {
             self.astray(fault, hardware);
-        }
-    }
-
-    /// Has the gate's timer gate what the controller says.
-    pub(crate) fn gate(&mut self, hardware: &mut impl Hardware) {
-        let timer = GateTimer::new(&self.frames.controller.gate().running());
-        if timer != self.gate
-            && let Some(timer) = timer
-        {
-            hardware.gate(timer);
-            self.gate = Some(timer);
-        }
-    }
-
-    pub(crate) fn restart(&mut self, hardware: &mut impl Hardware) {
-        if let Some(&shape) = self.frames.shape() {
-            self.start = self.start.wrapping_add(1);
-            // There is room: the interrupts take them before this goes on.
-            let _ = self.ends.orders.enqueue(Order { start: self.start, shape });
-            hardware.wake();
         }
     }
 }

@@ -4,7 +4,8 @@
 use crate::clocks::CORE_HZ;
 use crate::dac_bus::DacBus;
 use crate::frame_loop::{Counter, FrameLoop, Record};
-use crate::queues::{FrameSide, Hardware, News};
+use crate::gate::GateTimer;
+use crate::queues::{FrameSide, Hardware, News, Order};
 use crate::ring;
 use splash_firmware::fault::{Fault, Moment};
 use splash_firmware::gate::GateTiming;
@@ -102,6 +103,30 @@ impl<D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
         let _ = self.ends.news.enqueue(News::Frame(*record));
         if self.asked {
             self.tell();
+        }
+        self.end_of_row();
+    }
+
+    /// Has the gate's timer gate what the controller says.
+    #[inline(never)]
+    pub(crate) fn gate(&mut self, hardware: &mut impl Hardware) {
+        let timer = GateTimer::new(&self.frames.controller.gate().running());
+        if timer != self.gate
+            && let Some(timer) = timer
+        {
+            hardware.gate(timer);
+            self.gate = Some(timer);
+        }
+    }
+
+    /// Starts the detector anew.
+    #[inline(never)]
+    pub(crate) fn restart(&mut self, hardware: &mut impl Hardware) {
+        if let Some(&shape) = self.frames.shape() {
+            self.start = self.start.wrapping_add(1);
+            // There is room: the interrupts take them before this goes on.
+            let _ = self.ends.orders.enqueue(Order { start: self.start, shape });
+            hardware.wake();
         }
     }
 

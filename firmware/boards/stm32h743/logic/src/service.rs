@@ -255,6 +255,10 @@ impl<'q, const M: usize, const P: usize, const B: usize> Service<'q, M, P, B> {
                 out.history(last, |first, items| Response::Transitions { first, items })?;
                 out.send(Response::Ready)?;
             }
+            Request::Pixels { row, first } => {
+                let answer = self.pixels(out.port, row, first);
+                out.send(answer.unwrap_or_else(Response::Refused))?;
+            }
             other => {
                 let answer = self.configuration(out.port, &other);
                 out.send(answer)?;
@@ -349,6 +353,19 @@ impl<'q, const M: usize, const P: usize, const B: usize> Service<'q, M, P, B> {
         }
         let stored = Store::new(board.flash()).store(&*self.running)?;
         Ok(Response::Stored(Some(stored)))
+    }
+
+    /// Raw pixels of a row of the next frame.
+    fn pixels<T: Board>(
+        &mut self,
+        board: &mut T,
+        row: u16,
+        first: u16,
+    ) -> Result<Response, Reason> {
+        parameters::find_pixel(&*self.running, row, first)?;
+        let found = self.asking.row(row, first, &mut waiting(board));
+        let (frame, bytes) = found.ok_or(Reason::Row(RowError::NotBegun))?;
+        Ok(Response::Pixels { frame, bytes })
     }
 
     fn streams<T: Board>(&mut self, board: &mut T, wanted: Option<Decimation>) -> Response {
