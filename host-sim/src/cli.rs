@@ -439,7 +439,7 @@ pub struct FaultsArgs {
     /// Instrument description (TOML), laid over the default one
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
-    /// Faults; the default takes about half a minute
+    /// Faults; the default takes one to two minutes
     #[arg(
         long,
         value_name = "FAULTS",
