@@ -4,6 +4,7 @@
 //! `SPLASH_ACCEPT=1 cargo test -p splash-tests --test panics` accepts another list, not another place. A
 //! board whose compiler is missing is skipped, or fails where SPLASH_BOARDS is set.
 
+use host_sim::board::program::{BuildError, cargo_build};
 use host_sim::board::{BoardError, ibex, qemu};
 use object::{Object, ObjectSection, ObjectSymbol, RelocationTarget, SymbolKind};
 use splash_tests::golden;
@@ -22,10 +23,16 @@ const MACHINERY: [&str; 7] = [
 ];
 
 /// Where a caller may be, and what that is.
-const PLACES: [(&str, &str); 4] = [
+const PLACES: [(&str, &str); 8] = [
     ("defmt_semihosting::", "logging"),
-    ("defmt::", "logging"),
+    ("defmt_rtt::", "logging"),
+    ("_defmt_acquire", "logging"),
+    // Values of refused fields, in words.
+    ("core::num::", "logging"),
+    ("core::fmt::float::", "logging"),
     ("__cortex_m_rt_main", "start-up"),
+    // Clocks and the link's UART.
+    ("embassy_stm32::", "start-up"),
     ("mps2_an500::pipes::", "the emulator's pipes"),
 ];
 
@@ -69,6 +76,19 @@ fn callers(image: &[u8]) -> BTreeSet<String> {
     found
 }
 
+/// The STM32H743's image.
+fn flash_image() -> Result<PathBuf, BoardError> {
+    let board = "stm32h743";
+    let top = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
+    let folder = top.join("firmware/boards").join(board);
+    let failed = |source| BoardError::Build { board, source };
+    let status = cargo_build(&folder).status().map_err(|e| failed(BuildError::Cargo(e)))?;
+    if !status.success() {
+        return Err(failed(BuildError::Failed { folder, target: "thumbv7em-none-eabihf" }));
+    }
+    Ok(top.join("target/boards/thumbv7em-none-eabihf/release").join(board))
+}
+
 fn program(built: Result<PathBuf, BoardError>) -> Option<Vec<u8>> {
     match built {
         Ok(path) => Some(std::fs::read(path).expect("the program")),
@@ -82,7 +102,11 @@ fn program(built: Result<PathBuf, BoardError>) -> Option<Vec<u8>> {
 
 #[test]
 fn only_start_up_and_logging_may_panic() {
-    let images = [("mps2-an500", qemu::program("server")), ("ibex", ibex::program("server"))];
+    let images = [
+        ("mps2-an500", qemu::program("server")),
+        ("ibex", ibex::program("server")),
+        ("stm32h743", flash_image()),
+    ];
     let mut lines = Vec::new();
     for (board, built) in images {
         let Some(image) = program(built) else { return };

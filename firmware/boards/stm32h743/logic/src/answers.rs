@@ -127,6 +127,15 @@ pub struct Books {
     pub transitions: Vec<Transition, TRANSITIONS>,
 }
 
+/// As a list, which has room for all.
+fn listed<T, const N: usize>(items: impl Iterator<Item = T>) -> Vec<T, N> {
+    let mut list = Vec::new();
+    for item in items {
+        let _ = list.push(item);
+    }
+    list
+}
+
 impl<D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
     FrameLoop<'_, D, C, M, P, B>
 {
@@ -169,8 +178,8 @@ impl<D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
             totals: pipeline.totals(),
             faults: *faults.counts(),
             refused: self.controller.modes().refused(),
-            last_faults: faults.last().copied().collect(),
-            transitions: self.controller.modes().last().copied().collect(),
+            last_faults: listed(faults.last().copied()),
+            transitions: listed(self.controller.modes().last().copied()),
         }
     }
 }

@@ -20,13 +20,10 @@ pub fn split<const M: usize, const P: usize, const B: usize>(
     Whole::split(Whole::new(bank))
 }
 
-/// The right to write a bank, for both to read it.
-///
-/// # Panics
-/// If they are not those of one bank.
+/// The right to write a bank, for both to read it; `None` if they are not those of one bank.
 pub fn join<const M: usize, const P: usize, const B: usize>(
     one: Half<M, P, B>,
     other: Half<M, P, B>,
-) -> &'static mut Config<M, P, B> {
-    Whole::into_inner(Whole::join(one, other))
+) -> Option<&'static mut Config<M, P, B>> {
+    StaticRcRef::ptr_eq(&one, &other).then(|| Whole::into_inner(Whole::join(one, other)))
 }

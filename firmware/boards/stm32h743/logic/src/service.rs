@@ -322,12 +322,14 @@ impl<'q, const M: usize, const P: usize, const B: usize> Service<'q, M, P, B> {
                 join(theirs, mine)
             }
         };
-        let mut draft = Draft::new(other);
-        if self.refused.is_some() {
+        // Both halves are always those of one bank.
+        self.draft = other.map(Draft::new);
+        if self.refused.is_some()
+            && let Some(draft) = &mut self.draft
+        {
             // As it was.
             let _ = draft.check();
         }
-        self.draft = Some(draft);
         Ok(DraftState::Ordered { hash })
     }
 
