@@ -5,6 +5,7 @@
 //! something is for the checksum to say, as after a power-up they do not.
 
 use crate::fault::Moment;
+use crate::image::CRC;
 use crate::mode::{MODES, Mode};
 use core::fmt::{self, Write};
 
@@ -12,7 +13,6 @@ use core::fmt::{self, Write};
 pub const TEXT: usize = 96;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"LAST");
-const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
 /// What ended it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -104,9 +104,8 @@ impl SlopeCalibration {
         let mut gain_m_per_px = Vec::with_capacity(pokes.len());
         for (i, poke) in pokes.iter().enumerate() {
             let response = |axis: usize, poked: usize| columns[poked][i][axis] / (2.0 * poke);
-            let [[a, b], [c, d]] =
-                [[response(0, 0), response(0, 1)], [response(1, 0), response(1, 1)]];
-            let determinant = a * d - b * c;
+            let response = [[response(0, 0), response(0, 1)], [response(1, 0), response(1, 1)]];
+            let determinant = determinant(response);
             // A spot that moves by less than a third of its segment's tilt is no measurement.
             if !(determinant.abs() > 0.1 && determinant.is_finite()) {
                 return Err(Error::Config(format!(
@@ -115,8 +114,7 @@ impl SlopeCalibration {
                      laser.electrons_per_spot and the detector's range"
                 )));
             }
-            let scale = path / determinant;
-            gain_m_per_px.push([[d * scale, -b * scale], [-c * scale, a * scale]]);
+            gain_m_per_px.push(over(path, response));
         }
         Ok(Self { reference_px, gain_m_per_px })
     }
@@ -165,6 +163,18 @@ impl SlopeCalibration {
 /// Centre-to-edge optical path of a tilt that moves a spot by one pixel, m.
 pub(crate) fn path_m_per_px(instrument: &Instrument) -> f64 {
     instrument.laser.wavelength_m / (2.0 * instrument.windows.pixels_per_lambda_d)
+}
+
+/// The determinant of a matrix.
+pub(crate) fn determinant([[a, b], [c, d]]: [[f64; 2]; 2]) -> f64 {
+    a * d - b * c
+}
+
+/// `value` times the inverse of a matrix.
+pub(crate) fn over(value: f64, matrix: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
+    let [[a, b], [c, d]] = matrix;
+    let scale = value / determinant(matrix);
+    [[d * scale, -b * scale], [-c * scale, a * scale]]
 }
 
 /// The instrument under a sky that stands still, without noise.

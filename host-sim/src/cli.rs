@@ -16,6 +16,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
 use splash_firmware::geometry::{MAX_ACROSS, MIN_ACROSS};
 use splash_firmware::spec::Spec;
 use std::path::PathBuf;
+use std::time::Duration;
 
 pub use link::{Action, LinkArgs, Place};
 
@@ -95,6 +96,27 @@ pub struct RunArgs {
     pub noise_free: bool,
 }
 
+/// How long an emulated board is waited for.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct PatienceArgs {
+    /// Seconds without an answer after which an emulated board is given up
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 60,
+        value_parser = value_parser!(u32).range(1..),
+        allow_negative_numbers = true
+    )]
+    patience: u32,
+}
+
+impl PatienceArgs {
+    /// How a board is opened for that, with marks if they are asked for.
+    pub(crate) fn options(self, marks: bool) -> Options {
+        Options { patience: Duration::from_secs(self.patience.into()), marks }
+    }
+}
+
 /// `host-sim loop`.
 #[derive(Clone, Debug, Args)]
 pub struct LoopArgs {
@@ -112,15 +134,8 @@ pub struct LoopArgs {
     /// Where the firmware library runs
     #[arg(long, value_enum, default_value_t = BoardName::Host)]
     pub(crate) board: BoardName,
-    /// Seconds without an answer after which an emulated board is given up
-    #[arg(
-        long,
-        value_name = "SECONDS",
-        default_value_t = 60,
-        value_parser = value_parser!(u32).range(1..),
-        allow_negative_numbers = true
-    )]
-    pub(crate) patience: u32,
+    #[command(flatten)]
+    pub(crate) patience: PatienceArgs,
     /// Last frames to keep in frames.fits and phases.fits
     #[arg(long, value_name = "FRAMES", default_value_t = 100, allow_negative_numbers = true)]
     pub(crate) keep: u32,
@@ -188,15 +203,8 @@ pub struct ProfileArgs {
     /// Seed of the frames
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub(crate) seed: u64,
-    /// Seconds without an answer after which an emulated board is given up
-    #[arg(
-        long,
-        value_name = "SECONDS",
-        default_value_t = 60,
-        value_parser = value_parser!(u32).range(1..),
-        allow_negative_numbers = true
-    )]
-    pub(crate) patience: u32,
+    #[command(flatten)]
+    pub(crate) patience: PatienceArgs,
     #[command(flatten)]
     pub(crate) output: OutputArgs,
 }
@@ -415,15 +423,8 @@ pub struct EndureArgs {
     /// Seed of waves and noise
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub(crate) seed: u64,
-    /// Seconds without an answer after which an emulated board is given up
-    #[arg(
-        long,
-        value_name = "SECONDS",
-        default_value_t = 60,
-        value_parser = value_parser!(u32).range(1..),
-        allow_negative_numbers = true
-    )]
-    pub(crate) patience: u32,
+    #[command(flatten)]
+    pub(crate) patience: PatienceArgs,
     #[command(flatten)]
     pub(crate) output: OutputArgs,
 }
@@ -547,10 +548,7 @@ impl RunArgs {
     /// # Errors
     /// [`Error::Config`] if the description cannot be used.
     pub fn instrument(&self) -> Result<Instrument, Error> {
-        let mut instrument = match &self.config {
-            Some(file) => Instrument::load(file)?,
-            None => Instrument::standard()?,
-        };
+        let mut instrument = Instrument::described(self.config.as_deref())?;
         if let Some(n) = self.n {
             instrument.telescope.subapertures = n;
         }

@@ -286,6 +286,14 @@ impl Instrument {
         Self::parse(&text, &name)
     }
 
+    /// The instrument described in `file`, or the default one.
+    ///
+    /// # Errors
+    /// As [`Instrument::load`].
+    pub fn described(file: Option<&Path>) -> Result<Self, Error> {
+        file.map_or_else(Self::standard, Self::load)
+    }
+
     /// The instrument in a TOML text that is called `name` in errors.
     ///
     /// # Errors

@@ -1,26 +1,20 @@
 //! `host-sim reproduce` as a user meets it.
 
+mod common;
+
 use serde_json::Value;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 use tempfile::TempDir;
 
+const COMMAND: &str = "reproduce";
+
 fn run(place: &Path, threads: &str, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_host-sim"))
-        .arg("reproduce")
-        .args(arguments)
-        .current_dir(place)
-        .env("RAYON_NUM_THREADS", threads)
-        .output()
-        .unwrap()
+    common::run(COMMAND, place, threads, arguments)
 }
 
 fn json(place: &Path, threads: &str, arguments: &[&str]) -> Value {
-    let output = run(place, threads, &[arguments, &["--json"]].concat());
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let text = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(text.lines().count(), 1, "{text}");
-    serde_json::from_str(&text).unwrap()
+    common::json(COMMAND, place, threads, arguments)
 }
 
 /// The words of the page, which is well-formed and needs nothing from elsewhere.

@@ -1,29 +1,29 @@
 //! `host-sim strehl` as a user meets it.
 
+mod common;
+
 use host_sim::files::csv::Series;
 use host_sim::files::fits::FitsReader;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Output, Stdio};
 use std::time::Duration;
 use tempfile::TempDir;
 
+const COMMAND: &str = "strehl";
+
 fn run(place: &Path, threads: &str, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_host-sim"))
-        .arg("strehl")
-        .args(arguments)
-        .current_dir(place)
-        .env("RAYON_NUM_THREADS", threads)
-        .output()
-        .unwrap()
+    common::run(COMMAND, place, threads, arguments)
 }
 
 fn json(place: &Path, threads: &str, arguments: &[&str]) -> Value {
-    let output = run(place, threads, &[arguments, &["--json"]].concat());
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let text = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(text.lines().count(), 1, "{text}");
-    serde_json::from_str(&text).unwrap()
+    common::json(COMMAND, place, threads, arguments)
+}
+
+/// One that goes on, in silence.
+fn started(place: &Path, arguments: &[&str]) -> Child {
+    let mut program = common::program(COMMAND, place, "1", arguments);
+    program.stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap()
 }
 
 fn refused(place: &Path, arguments: &[&str], words: &[&str]) {
@@ -88,15 +88,7 @@ fn results_do_not_depend_on_threads_or_interruptions() {
 fn a_run_that_is_killed_takes_up_where_it_was() {
     let place = TempDir::new().unwrap();
     let run = ["--n", "8", "--screens", "30", "--sensing", "geometric"];
-    let mut child = Command::new(env!("CARGO_BIN_EXE_host-sim"))
-        .arg("strehl")
-        .args([&run[..], &["--out", "killed"]].concat())
-        .current_dir(place.path())
-        .env("RAYON_NUM_THREADS", "1")
-        .stderr(Stdio::null())
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
+    let mut child = started(place.path(), &[&run[..], &["--out", "killed"]].concat());
     let screens = place.path().join("killed/screens");
     let lines = || -> usize {
         let files = std::fs::read_dir(&screens).into_iter().flatten();
@@ -307,15 +299,7 @@ fn a_noisy_run_has_all_terms() {
 fn two_processes_do_not_share_a_directory() {
     let place = TempDir::new().unwrap();
     let run = ["--n", "16", "--screens", "100", "--sensing", "geometric", "--out", "one"];
-    let mut first = Command::new(env!("CARGO_BIN_EXE_host-sim"))
-        .arg("strehl")
-        .args(run)
-        .current_dir(place.path())
-        .env("RAYON_NUM_THREADS", "1")
-        .stderr(Stdio::null())
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
+    let mut first = started(place.path(), &run);
     let holder = format!("host-sim strehl, process {}", first.id());
     let lock = place.path().join("one/.lock");
     while std::fs::read_to_string(&lock).unwrap_or_default() != holder {

@@ -1,11 +1,11 @@
 //! Messages to bytes and back: header, checksum, byte stuffing.
 
 use super::{MESSAGE, VERSION};
+use crate::image::CRC;
 use cobs::{DecodeResult, DecoderState};
 use core::fmt;
 use serde::{Serialize, de::DeserializeOwned};
 
-const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 /// Version and sequence.
 const HEADER: usize = 3;
 const CHECKSUM: usize = 4;

@@ -1,7 +1,6 @@
 //! `host-sim loop`: the closed loop, its numbers and its pictures.
 
 use super::{output, progress};
-use crate::board::Options;
 use crate::cli::LoopArgs;
 use crate::closed_loop::{ClosedLoop, Run, Sensing};
 use crate::error::{Error, refuse};
@@ -56,8 +55,7 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
         }
         Sensing::Geometric => reconstructor,
     };
-    let patience = Duration::from_secs(args.patience.into());
-    let options = Options { patience, ..Options::default() };
+    let options = args.patience.options(false);
     let mut board = args.board.open(&reconstructor.spec(), options)?;
     let run = Run {
         sensor: args.sensor.sensor(),

@@ -1,8 +1,7 @@
 //! `host-sim endure`: a long run, and what must hold for ever.
 
 use super::{output, progress};
-use crate::board::Options;
-use crate::cli::EndureArgs;
+use crate::cli::{BoardName, EndureArgs};
 use crate::endurance::{Endurance, Stretch};
 use crate::error::Error;
 use crate::figures::{self, Curve, Panel};
@@ -10,7 +9,7 @@ use crate::files::csv::SeriesWriter;
 use crate::instrument::Instrument;
 use crate::reconstructor::Reconstructor;
 use serde::Serialize;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Points of the series, at most.
 const POINTS: u64 = 400;
@@ -38,18 +37,14 @@ struct EndureResult {
 /// # Errors
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &EndureArgs) -> Result<(), Error> {
-    let mut instrument = match &args.config {
-        Some(file) => Instrument::load(file)?,
-        None => Instrument::standard()?,
-    };
+    let mut instrument = Instrument::described(args.config.as_deref())?;
     if let Some(n) = args.n {
         instrument.telescope.subapertures = n;
     }
     instrument.check()?;
     let reconstructor = Reconstructor::new(&instrument)?;
-    let exact = args.board != crate::cli::BoardName::Host;
-    let options = Options { patience: Duration::from_secs(args.patience.into()), marks: exact };
-    let mut board = args.board.open(&reconstructor.spec(), options)?;
+    let exact = args.board != BoardName::Host;
+    let mut board = args.board.open(&reconstructor.spec(), args.patience.options(exact))?;
     let directory = output::directory(args.output.out.as_deref(), "endure")?;
 
     let start = Instant::now();

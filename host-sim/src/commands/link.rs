@@ -49,10 +49,7 @@ struct Found {
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &LinkArgs) -> Result<(), Error> {
     let actions = args.actions()?;
-    let instrument = match &args.config {
-        Some(file) => Instrument::load(file)?,
-        None => Instrument::standard()?,
-    };
+    let instrument = Instrument::described(args.config.as_deref())?;
     instrument.check()?;
     let mut session = open(args, instrument)?;
     let mut results = Vec::new();
@@ -72,13 +69,11 @@ pub fn run(args: &LinkArgs) -> Result<(), Error> {
 
 /// The board, with the description's configuration if it is emulated.
 fn open(args: &LinkArgs, instrument: Instrument) -> Result<Session, Error> {
-    let seconds = args.patience.map_or(PATIENCE, |seconds| seconds);
-    let patience = Duration::from_secs(seconds.into());
+    let usual = if matches!(args.board, Place::Serial(_)) { SERIAL_PATIENCE } else { PATIENCE };
+    let patience = Duration::from_secs(args.patience.unwrap_or(usual).into());
     let options = board::Options { patience, marks: false };
     let (name, transport): (_, Box<dyn Transport>) = match &args.board {
         Place::Serial(device) => {
-            let seconds = args.patience.unwrap_or(SERIAL_PATIENCE);
-            let patience = Duration::from_secs(seconds.into());
             let line = Serial::open(device, args.baud, patience).map_err(|error| {
                 Error::Config(format!("--board serial:{}: {error}", device.display()))
             })?;

@@ -1,7 +1,6 @@
 //! `host-sim profile`: what a frame costs on a board.
 
 use super::{output, progress};
-use crate::board::Options;
 use crate::cli::{BoardName, ProfileArgs};
 use crate::error::Error;
 use crate::figures::{Timeline, timeline};
@@ -11,7 +10,6 @@ use crate::reconstructor::Reconstructor;
 use serde::Serialize;
 use splash_firmware::link::Stack;
 use std::path::Path;
-use std::time::Duration;
 
 /// What is added to the stack that was seen, as a fraction of it: for paths that no frame of the
 /// profile took.
@@ -49,8 +47,7 @@ pub fn run(args: &ProfileArgs) -> Result<(), Error> {
     let instrument = instrument(args)?;
     let reconstructor = Reconstructor::new(&instrument)?;
     let spec = every_flux(reconstructor.spec());
-    let patience = Duration::from_secs(args.patience.into());
-    let mut board = args.board.open(&spec, Options { patience, marks: true })?;
+    let mut board = args.board.open(&spec, args.patience.options(true))?;
     let bar = progress::bar(FRAMES.into(), "profile", "frames");
     let profile = measure(board.as_mut(), &spec, args.seed, &mut || bar.inc(1))?;
     bar.finish_and_clear();
@@ -100,10 +97,7 @@ pub fn run(args: &ProfileArgs) -> Result<(), Error> {
 
 /// The instrument that the arguments ask for: windows edge to edge, no flat field.
 fn instrument(args: &ProfileArgs) -> Result<Instrument, Error> {
-    let mut instrument = match &args.config {
-        Some(file) => Instrument::load(file)?,
-        None => Instrument::standard()?,
-    };
+    let mut instrument = Instrument::described(args.config.as_deref())?;
     if let Some(n) = args.n {
         instrument.telescope.subapertures = n;
     }

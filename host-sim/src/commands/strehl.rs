@@ -47,10 +47,7 @@ pub fn run(args: &StrehlArgs) -> Result<(), Error> {
 
 /// The points that the arguments ask for, by increasing N, each once.
 fn points(args: &StrehlArgs) -> Result<Vec<Point>, Error> {
-    let mut description = match &args.config {
-        Some(file) => Instrument::load(file)?,
-        None => Instrument::standard()?,
-    };
+    let mut description = Instrument::described(args.config.as_deref())?;
     let moving = args.wind.is_some();
     let pitch_m_per_s = description.telescope.pitch_m / description.frame_s();
     let speed = match args.wind {

@@ -115,10 +115,7 @@ fn compute(
 
 /// The arrays that the arguments ask for, checked before anything long begins.
 fn arrays(args: &TheoryArgs) -> Result<Vec<Array>, Error> {
-    let instrument = match &args.config {
-        Some(file) => Instrument::load(file)?,
-        None => Instrument::standard()?,
-    };
+    let instrument = Instrument::described(args.config.as_deref())?;
     instrument.check()?;
     let across = match (&args.n[..], &args.config) {
         ([], None) => ACROSS.to_vec(),

@@ -2,14 +2,14 @@
 
 use super::{Bank, CELLS, PIXELS};
 use crate::error::Error;
+use crate::link::frames;
 use crate::nor_flash::Nor;
 use crate::reconstructor::Reconstructor;
 use rand::{Rng, RngExt};
 use rand_xoshiro::Xoshiro256PlusPlus;
-use splash_firmware::adjust::Adjustment;
-use splash_firmware::banks::{Banks, Draft};
-use splash_firmware::calibration::{Calibration, Step};
-use splash_firmware::link::{Message, PIECE, Receiver, Request, Response, WIRE, encode};
+use splash_firmware::banks::Banks;
+use splash_firmware::calibration::Step;
+use splash_firmware::link::{Message, Receiver, Request, Response, WIRE, encode};
 use splash_firmware::mode::{Mode, Refusal};
 use splash_firmware::spec::Map;
 use splash_server::parameters;
@@ -41,18 +41,10 @@ impl Desk {
             spec.control.gain = Map::Uniform(gain);
             let mut bank = Box::new(Bank::new());
             bank.build(&spec)?;
-            let calibration = Calibration {
-                fingerprint: bank.fingerprint(),
-                steps: (1 << Step::ALL.len()) - 1,
-                quality_q16: u16::MAX,
-            };
-            let mut draft = Draft::new(&mut bank);
-            let record = Adjustment::Calibration(Some(calibration));
-            let hash = draft.adjust(&record).and_then(|()| draft.check());
-            let hash = hash.map_err(|error| Error::Config(error.to_string()))?;
+            bank.set_calibrated(&Step::ALL, u16::MAX);
             let mut image = Vec::new();
             bank.save(&mut |bytes| image.extend_from_slice(bytes));
-            images.push((image, hash));
+            images.push((image, bank.hash()));
         }
         let flash = Nor::new(PAGES, seed, true);
         Ok(Self { receiver: Receiver::new(), flash, images, refused: 0 })
@@ -112,11 +104,5 @@ pub(super) fn wire(body: Request) -> Vec<u8> {
 
 /// An upload on the wire, message by message; the last one is the switch.
 pub(super) fn upload(image: &[u8]) -> Vec<Vec<u8>> {
-    let mut messages = vec![wire(Request::Upload { bytes: image.len() as u32 })];
-    for (i, chunk) in image.chunks(PIECE).enumerate() {
-        let (offset, bytes) = ((i * PIECE) as u32, chunk.iter().copied().collect());
-        messages.push(wire(Request::Chunk { offset, bytes }));
-    }
-    messages.push(wire(Request::Switch));
-    messages
+    frames::upload(image).chain([Request::Switch]).map(wire).collect()
 }

@@ -106,8 +106,8 @@ impl Invariants {
     /// What does not hold.
     pub(super) fn mode(&mut self, mode: Mode, outputs: Outputs) -> Result<(), String> {
         let before = std::mem::replace(&mut self.mode, mode);
-        let (_, ways) = WAYS[WAYS.iter().position(|(from, _)| *from == before).unwrap_or(0)];
-        if mode != before && !ways.contains(&mode) {
+        let may = WAYS.iter().any(|(from, ways)| *from == before && ways.contains(&mode));
+        if mode != before && !may {
             return Err(format!("mode {before} to {mode}"));
         }
         let Outputs { high_voltage, laser } = outputs;

@@ -33,8 +33,8 @@ pub(super) struct Ledger {
     last: Option<Mishap>,
     /// What the controller must have counted since its start.
     expected: [u64; KINDS],
-    /// What controllers before this one counted.
     closed: bool,
+    /// Frames since the loop was last closed in which nothing kept it open.
     open_frames: u64,
 }
 

@@ -19,7 +19,7 @@ use super::light::Light;
 use super::operator::{Operator, OperatorError};
 use super::recording::Recording;
 use crate::board::image;
-use crate::calibration::{SlopeCalibration, path_m_per_px};
+use crate::calibration::{SlopeCalibration, determinant, over, path_m_per_px};
 use crate::error::{Error, refuse};
 use crate::instrument::Instrument;
 use crate::reconstructor::{PixelMaps, Reconstructor};
@@ -177,7 +177,7 @@ pub fn calibrate(
     let origins = windows.iter().map(|&j| reconstructor.origins()[j]).collect();
     let slopes = SlopeCalibration {
         reference_px: windows.iter().map(|&j| references[j]).collect(),
-        gain_m_per_px: gains.responses.iter().map(|response| inverse(*response)).collect(),
+        gain_m_per_px: gains.responses.iter().map(|response| over(1.0, *response)).collect(),
     };
     let mask = *reconstructor.mask();
     let reconstructor = reconstructor.with_origins(origins).with_slopes(slopes);
@@ -521,16 +521,6 @@ fn fit(windows: &[usize], tilts: &Tilts, poke_m: f64) -> Result<Gains, Error> {
         return Err(NotAsItShouldBe::Quality { quality }.into());
     }
     Ok(Gains { responses, quality })
-}
-
-fn determinant([[a, b], [c, d]]: [[f64; 2]; 2]) -> f64 {
-    a * d - b * c
-}
-
-fn inverse(matrix: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
-    let [[a, b], [c, d]] = matrix;
-    let scale = 1.0 / determinant(matrix);
-    [[d * scale, -b * scale], [-c * scale, a * scale]]
 }
 
 /// Mean rotation, degrees; whether there is a reflection of x before it; and mean scale.

@@ -12,6 +12,15 @@ use splash_firmware::slopes::Slope;
 /// Version of the firmware library, which this and every board are made with.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
+/// The requests that bring an image into a board's other bank.
+pub(crate) fn upload(image: &[u8]) -> impl Iterator<Item = Request> + '_ {
+    let chunks = image.chunks(PIECE).enumerate().map(|(i, piece)| Request::Chunk {
+        offset: (i * PIECE) as u32,
+        bytes: piece.iter().copied().collect(),
+    });
+    std::iter::once(Request::Upload { bytes: image.len() as u32 }).chain(chunks)
+}
+
 /// What the board last said of itself.
 #[derive(Clone, Debug, Default)]
 pub struct State {

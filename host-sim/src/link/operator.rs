@@ -4,7 +4,7 @@
 //! frame has it exposed in simulation ([`Frames::Here`]) or waits for the next one ([`Frames::There`]).
 
 use super::client::{Client, unexpected};
-use super::frames::State;
+use super::frames::{self, State};
 use super::light::{Light, Scene};
 use super::parameters::{self, Bound, Parameter, quantise};
 use super::transport::{Failure, Transport};
@@ -18,7 +18,7 @@ use splash_firmware::fault::Record as FaultRecord;
 use splash_firmware::fixed::{PISTON_LIMIT, TILT_LIMIT};
 use splash_firmware::gate::Range;
 use splash_firmware::image::{Head, Subaperture};
-use splash_firmware::link::{Counters, Identity, PIECE, Reason, Request, Response, Status};
+use splash_firmware::link::{Counters, Identity, Reason, Request, Response, Status};
 use splash_firmware::mode::{Mode, Refusal, Transition};
 use splash_firmware::segments::Position;
 use splash_firmware::store::Stored;
@@ -379,12 +379,7 @@ impl Operator {
         progress: &mut dyn FnMut(f64),
     ) -> Result<u32, OperatorError> {
         let doing = "when an image was uploaded";
-        let mut requests = vec![Request::Upload { bytes: image.len() as u32 }];
-        requests.extend(image.chunks(PIECE).enumerate().map(|(i, piece)| Request::Chunk {
-            offset: (i * PIECE) as u32,
-            bytes: piece.iter().copied().collect(),
-        }));
-        self.draft(doing, requests, progress)?;
+        self.draft(doing, frames::upload(image).collect(), progress)?;
         self.switch()
     }
 

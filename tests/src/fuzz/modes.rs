@@ -1,7 +1,7 @@
 //! An operator, an interlock and a detector in any order, through the controller.
 
 use super::Bytes;
-use super::rows::{instrument, measurement};
+use super::rows::{SLEWS, instrument, measurement, within_slew};
 use crate::instrument::Instrument;
 use splash_firmware::actuators::Law;
 use splash_firmware::config::Config;
@@ -24,7 +24,7 @@ type Bank = Config<CELLS, PIXELS, PIXELS>;
 pub(super) fn run(bytes: &[u8]) {
     let mut bytes = Bytes(bytes);
     // Always with a slew limit.
-    let instrument = instrument(bytes.u8() | super::rows::SLEWS);
+    let instrument = instrument(bytes.u8() | SLEWS);
     let bank: Box<Bank> = instrument.config();
     let times = Times { settle_ticks: 2, fall_ticks: 50 };
     let mut controller = Box::new(Controller::new(Serials::default(), times, 240_000_000));
@@ -132,17 +132,7 @@ impl Watched {
         if !stepped {
             assert_eq!(codes, self.codes, "moved without a frame");
         }
-        let linear = self.instrument.law == Law::Linear;
-        let height = |code: u16| {
-            let part = f64::from(code) / 65535.0;
-            if linear { part } else { part * part }
-        };
-        for (i, (&now, &before)) in
-            codes.as_flattened().iter().zip(self.codes.as_flattened()).enumerate()
-        {
-            let step = (height(now) - height(before)).abs();
-            assert!(step <= super::rows::SLEW + 2.0 / 65536.0, "actuator {i} moved by {step}");
-        }
+        within_slew(self.instrument.law == Law::Linear, &self.codes, codes);
         self.codes = codes.to_vec();
         let counts = self.controller.faults().counts();
         assert!(counts.iter().zip(&self.counts).all(|(now, before)| now >= before), "counters");

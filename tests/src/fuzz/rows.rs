@@ -13,7 +13,7 @@ const CELLS: usize = 16;
 const PIXELS: usize = CELLS * 16;
 /// Part of the stroke that an actuator may use, and move in a frame.
 const REACH: [f64; 2] = [0.25, 0.75];
-pub(super) const SLEW: f64 = 1.0 / 64.0;
+const SLEW: f64 = 1.0 / 64.0;
 
 /// Bit of an instrument's choice by which it has a slew limit.
 pub(super) const SLEWS: u8 = 32;
@@ -125,14 +125,9 @@ impl Watched<'_> {
         for (i, code) in codes.as_flattened().iter().enumerate() {
             let value = f64::from(*code);
             assert!(value >= least - 1.0 && value <= most + 1.0, "actuator {i}: code {code}");
-            if self.slews && !self.codes.is_empty() {
-                let height = |code: u16| {
-                    let part = f64::from(code) / 65535.0;
-                    if self.linear { part } else { part * part }
-                };
-                let step = (height(*code) - height(self.codes.as_flattened()[i])).abs();
-                assert!(step <= SLEW + 2.0 / 65536.0, "actuator {i} moved by {step} of its stroke");
-            }
+        }
+        if self.slews && !self.codes.is_empty() {
+            within_slew(self.linear, &self.codes, codes);
         }
         self.codes = codes.to_vec();
         for position in self.pipeline.positions() {
@@ -145,6 +140,20 @@ impl Watched<'_> {
         if let Some(Report { outcome: Outcome::Held(Hold::CutShort { rows }), .. }) = report {
             assert!(rows < self.config.height(), "a whole frame is not cut short");
         }
+    }
+}
+
+/// No actuator moves by more than the slew limit, but for the rounding of both codes.
+pub(super) fn within_slew(linear: bool, before: &[[u16; 3]], now: &[[u16; 3]]) {
+    let height = |code: u16| {
+        let part = f64::from(code) / 65535.0;
+        if linear { part } else { part * part }
+    };
+    assert_eq!(now.len(), before.len(), "segments");
+    let pairs = now.as_flattened().iter().zip(before.as_flattened());
+    for (i, (&now, &before)) in pairs.enumerate() {
+        let step = (height(now) - height(before)).abs();
+        assert!(step <= SLEW + 2.0 / 65536.0, "actuator {i} moved by {step} of its stroke");
     }
 }
 

@@ -1,7 +1,11 @@
 //! Answers, piece by piece.
 
 use crate::Link;
+use splash_firmware::centroid::Measurement;
 use splash_firmware::link::{self, HISTORY, List, Message, Response};
+use splash_firmware::pipeline::Totals;
+use splash_firmware::segments::{ACTUATORS, Position};
+use splash_firmware::slopes::Slope;
 
 /// Sends the answers to one request.
 pub struct Outbox<'a, T> {
@@ -41,6 +45,30 @@ impl<T: Link> Outbox<'_, T> {
             self.send(piece((i * link::LIST) as u16, list))?;
         }
         Ok(())
+    }
+
+    /// Sends DAC codes and totals.
+    ///
+    /// # Errors
+    /// If the link has ended.
+    pub fn state(&mut self, codes: &[[u16; ACTUATORS]], totals: Totals) -> Result<(), T::Error> {
+        self.list(codes, |first, items| Response::Codes { first, items })?;
+        self.send(Response::Totals(totals))
+    }
+
+    /// Sends what a frame measured, and where the segments are.
+    ///
+    /// # Errors
+    /// If the link has ended.
+    pub fn measured(
+        &mut self,
+        measurements: &[Measurement],
+        slopes: &[Slope],
+        positions: &[Position],
+    ) -> Result<(), T::Error> {
+        self.list(measurements, |first, items| Response::Measurements { first, items })?;
+        self.list(slopes, |first, items| Response::Slopes { first, items })?;
+        self.list(positions, |first, items| Response::Positions { first, items })
     }
 
     /// Sends a history in pieces.

@@ -460,9 +460,7 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
         }
         self.state(out)?;
         let pipeline = self.controller.pipeline();
-        out.list(pipeline.measurements(), |first, items| Response::Measurements { first, items })?;
-        out.list(pipeline.slopes(), |first, items| Response::Slopes { first, items })?;
-        out.list(pipeline.positions(), |first, items| Response::Positions { first, items })?;
+        out.measured(pipeline.measurements(), pipeline.slopes(), pipeline.positions())?;
         out.send(Response::Report(result.report))
     }
 
@@ -475,8 +473,7 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
 
     fn state<T: Port>(&self, out: &mut Outbox<'_, T>) -> Result<(), T::Error> {
         let pipeline = self.controller.pipeline();
-        out.list(pipeline.codes(), |first, items| Response::Codes { first, items })?;
-        out.send(Response::Totals(pipeline.totals()))
+        out.state(pipeline.codes(), pipeline.totals())
     }
 }
 

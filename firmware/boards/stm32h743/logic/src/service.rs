@@ -192,7 +192,7 @@ impl<'q, const M: usize, const P: usize, const B: usize> Service<'q, M, P, B> {
                 // Into safe leads a way from everywhere.
                 let _ = self.operator(out.port, Command::Disarm);
                 let state = self.asking.state(&mut waiting(out.port));
-                codes(&mut out, &state)?;
+                out.state(&state.codes, state.totals)?;
                 out.send(Response::Ready)?;
             }
             Request::Frame { .. } => {
@@ -410,22 +410,12 @@ fn waiting<T: Board>(board: &mut T) -> impl FnMut() -> bool {
     || board.wait()
 }
 
-fn codes<T: Link, const M: usize>(
-    out: &mut Outbox<'_, T>,
-    state: &Snapshot<M>,
-) -> Result<(), T::Error> {
-    out.list(&state.codes, |first, items| Response::Codes { first, items })?;
-    out.send(Response::Totals(state.totals))
-}
-
 fn frame<T: Link, const M: usize>(
     out: &mut Outbox<'_, T>,
     state: &Snapshot<M>,
 ) -> Result<(), T::Error> {
-    codes(out, state)?;
-    out.list(&state.measurements, |first, items| Response::Measurements { first, items })?;
-    out.list(&state.slopes, |first, items| Response::Slopes { first, items })?;
-    out.list(&state.positions, |first, items| Response::Positions { first, items })?;
+    out.state(&state.codes, state.totals)?;
+    out.measured(&state.measurements, &state.slopes, &state.positions)?;
     match state.result {
         Some(result) => out.send(Response::Report(result.report)),
         // A frame's state always has one.
