@@ -3,6 +3,7 @@
 use crate::centroid::{EstimatorConfig, MAX_WINDOW, MIN_WINDOW};
 use crate::control::{ControlConfig, MAX_DELAY};
 use crate::error::{ConfigError, Field, Limit};
+use crate::schedule;
 use crate::spec::{SorSpec, Spec};
 
 /// Capacities, detector and windows' size.
@@ -36,14 +37,25 @@ pub(crate) fn geometry<const M: usize, const P: usize>(spec: &Spec<'_>) -> Resul
 /// Places of windows and bad pixels.
 pub(crate) fn windows(spec: &Spec<'_>) -> Result<(), ConfigError> {
     let (size, origins) = (u16::from(spec.windows.size), spec.windows.origins);
-    for (i, &[x, y]) in origins.iter().enumerate() {
+    let colour = |(i, cell)| schedule::colour(&spec.schedule.colouring, i, cell);
+    let placed = || origins.iter().zip(spec.mask.cells().enumerate().map(colour));
+    for (i, (&[x, y], colour)) in placed().enumerate() {
         for (value, room) in [(x, spec.detector.width), (y, spec.detector.height)] {
             let limit = (0.0, f64::from(room) - f64::from(size));
             ConfigError::check(Field::WindowOrigin, Some(i), f64::from(value), limit)?;
         }
-        let overlaps = |&[ox, oy]: &[u16; 2]| x.abs_diff(ox) < size && y.abs_diff(oy) < size;
-        if let Some(other) = origins.iter().skip(i + 1).position(overlaps) {
-            let rule = Limit::Rule("is a window that it overlaps; windows must not overlap");
+        // What is not lit is not measured: it may share pixels with what is, but an image's windows
+        // have places of their own.
+        let clashes = |(&[ox, oy], other): (&[u16; 2], u8)| {
+            let apart = [x.abs_diff(ox), y.abs_diff(oy)];
+            let overlap = apart.iter().all(|&pixels| pixels < size);
+            apart == [0, 0] || (overlap && other == colour)
+        };
+        if let Some(other) = placed().skip(i + 1).position(clashes) {
+            let rule = Limit::Rule(
+                "is a window that it overlaps; windows that are lit together must not overlap, \
+                 others not coincide",
+            );
             return Err(ConfigError::at(Field::WindowOrigin, i, (i + 1 + other) as f64, rule));
         }
     }

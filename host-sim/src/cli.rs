@@ -122,7 +122,8 @@ impl PatienceArgs {
 pub struct LoopArgs {
     #[command(flatten)]
     pub(crate) run: RunArgs,
-    /// Frames left out of the averages [default: 50, or half of --frames if that is less]
+    /// Frames left out of the averages [default: 50, times the groups of a schedule, or half of --frames if
+    /// that is less]
     #[arg(long, value_name = "FRAMES", allow_negative_numbers = true)]
     pub(crate) settle: Option<u32>,
     /// The sensor

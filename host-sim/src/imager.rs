@@ -4,6 +4,7 @@ use crate::atmosphere::Atmosphere;
 use crate::detector::{Detector, place};
 use crate::error::Error;
 use crate::instrument::Instrument;
+use crate::lighting::Lighting;
 use crate::optics::camera::Camera;
 use crate::optics::geometric::Sensor;
 use crate::pupil::{Mirror, Pupil};
@@ -24,8 +25,11 @@ pub struct Imager {
     detector: Detector,
     /// First column and row of each window.
     origins: Vec<[usize; 2]>,
-    /// Photo-electrons per spot and frame.
+    lighting: Lighting,
+    /// Photo-electrons of each spot that is lit.
     flux_e: f32,
+    /// Which spots are lit.
+    lit: Vec<bool>,
     images: Vec<f32>,
     expected_e: Vec<f32>,
     pixels: Vec<u16>,
@@ -48,15 +52,30 @@ impl Imager {
         let camera = Camera::new(sensor, pupil, atmosphere, height_m, scale, window)?;
         let detector = reconstructor.detector().clone();
         let pixels = detector.spec().width * detector.spec().height;
-        Ok(Self {
+        let mut imager = Self {
             images: vec![0.0; camera.spots() * window * window],
             camera,
             detector,
             origins: reconstructor.origins().iter().map(|o| o.map(usize::from)).collect(),
-            flux_e: instrument.laser.electrons_per_spot as f32,
+            flux_e: reconstructor.lighting().electrons(0) as f32,
+            lit: vec![true; reconstructor.lighting().colours().len()],
+            lighting: reconstructor.lighting().clone(),
             expected_e: vec![0.0; pixels],
             pixels: vec![0; pixels],
-        })
+        };
+        imager.light(0);
+        Ok(imager)
+    }
+
+    /// Lights the spots that a schedule lights in frame `frame`, until told otherwise; those of the first
+    /// frame before the first call.
+    pub fn light(&mut self, frame: u32) {
+        let Self { lighting, lit, flux_e, camera, .. } = self;
+        if lighting.count() > 1 {
+            lit.iter_mut().enumerate().for_each(|(i, lit)| *lit = lighting.lights(frame, i));
+            camera.light(lit);
+            *flux_e = lighting.electrons(frame) as f32;
+        }
     }
 
     /// Exposes and reads a frame, ADU, row-major; without `noise`, its expectation.
@@ -70,8 +89,12 @@ impl Imager {
         mirror: &Mirror,
         noise: Option<Noise>,
     ) -> Result<&[u16], Error> {
-        let Self { camera, detector, origins, flux_e, images, expected_e, pixels } = self;
+        let Self { camera, detector, origins, flux_e, lit, images, expected_e, pixels, .. } = self;
         camera.expose(atmosphere, time_s, mirror, images);
+        let area = camera.window().pow(2);
+        for (image, _) in images.chunks_exact_mut(area).zip(lit).filter(|(_, lit)| !**lit) {
+            image.fill(0.0);
+        }
         expected_e.fill(0.0);
         place(images, *flux_e, origins, camera.window(), detector.spec().width, expected_e)?;
         match noise {

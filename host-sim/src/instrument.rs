@@ -5,13 +5,16 @@
 //! values are out of their limits.
 
 mod limits;
+mod schedule;
 
 use crate::atmosphere::Layer;
 use crate::detector::BadPixel;
 use crate::error::{Error, refuse};
+use crate::optics::geometric::Sensor;
 use crate::pupil::Pupil;
 use clap::ValueEnum;
 use limits::MAX_DETECTOR_SIDE;
+pub use schedule::{Colours, Lattice, LatticeName, PowerName, ScheduleSection};
 use serde::{Deserialize, Serialize};
 use splash_firmware::geometry::Mask;
 use std::path::Path;
@@ -210,15 +213,6 @@ pub enum ResponseName {
     Quadratic,
 }
 
-/// Which subapertures are lit together.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-#[allow(missing_docs, reason = "documented once, in the default file that users read")]
-pub struct ScheduleSection {
-    pub lattice: Vec<u8>,
-    pub separation: f64,
-}
-
 /// What the range gate does beside opening.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -403,6 +397,16 @@ impl Instrument {
     /// Pixels on a side of the detector.
     pub fn detector_side(&self) -> usize {
         self.telescope.subapertures.saturating_mul(self.windows.spacing_px)
+    }
+
+    /// The same instrument with another sensor: a guide star lights all subapertures at once, so nothing of
+    /// its images is interleaved.
+    #[must_use]
+    pub fn seen_by(mut self, sensor: Sensor) -> Self {
+        if sensor != Sensor::Splash {
+            self.schedule = ScheduleSection::none();
+        }
+        self
     }
 
     /// Time from one frame to the next, s.

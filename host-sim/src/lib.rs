@@ -6,6 +6,7 @@
 //! | [`pupil`], [`screen`], [`atmosphere`] | subapertures and segments, phase screens, frozen flow |
 //! | [`optics`] | images of the spots, exact gradients, the science star |
 //! | [`detector`] | electrons to ADU |
+//! | [`lighting`] | which spots are lit in a frame |
 //! | [`imager`] | optics and detector of the sensor together |
 //! | [`calibration`] | reference slopes and slope gains, from a flat mirror and pokes |
 //! | [`reconstructor`] | the firmware's configuration for an instrument |
@@ -38,6 +39,7 @@ pub mod figures;
 pub mod files;
 pub mod imager;
 pub mod instrument;
+pub mod lighting;
 pub mod link;
 pub mod mirror;
 pub mod monte_carlo;

@@ -140,14 +140,8 @@ impl Instrument {
     /// Schedule and safety.
     fn check_safety(&self) -> Result<(), Error> {
         let Self { schedule, safety, .. } = self;
-        match schedule.lattice.as_slice() {
-            [] => {}
-            &[a, _, c] => {
-                let colours = f64::from(a) * f64::from(c);
-                within("schedule.lattice: a c", colours, 1.0, MAX_COLOURS as f64)?;
-            }
-            other => return Err(refuse("schedule.lattice", format!("{other:?}"), "[a, b, c]")),
-        }
+        schedule.check()?;
+        self.colours()?;
         within("schedule.separation", schedule.separation, 0.0, MAX_COLOURS as f64)?;
         within("safety.valid_min", safety.valid_min, 0.0, 1.0)?;
         within("safety.flux_min", safety.flux_min, 0.0, 1e3)?;

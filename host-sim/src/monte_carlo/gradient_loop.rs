@@ -1,13 +1,15 @@
 //! A loop of exact gradients in double precision: no images, no detector, no rounding, no limits.
 //!
 //! It has the firmware's law, c' = (1 - g) c + g f (s + c_applied), with means removed from slopes and
-//! commands, and reaches pupils that the firmware does not. Tips and tilts are phases from centre to edge:
+//! commands, and its sub-cycles if there is a schedule: x = s + c_applied of what is lit is kept, its mean is
+//! taken over everyone's latest, and only what is lit moves. It reaches pupils that the firmware does not. Tips and tilts are phases from centre to edge:
 //! a centroid of one pixel of lambda/(p d) is pi/p of it.
 
 use super::pistons::Pistons;
 use crate::atmosphere::Atmosphere;
 use crate::error::Error;
 use crate::instrument::Instrument;
+use crate::lighting::Lighting;
 use crate::optics::geometric::{GeometricSensor, Sensor};
 use crate::optics::science::{Observation, Science};
 use crate::pupil::{Mirror, Pupil};
@@ -30,6 +32,10 @@ pub struct GradientLoop {
     pending: VecDeque<Tilts>,
     mirror: Mirror,
     centroids: Tilts,
+    lighting: Lighting,
+    /// With a schedule: x of each subaperture, as it was last measured.
+    open_loop: Vec<Option<[f64; 2]>>,
+    frame: u32,
 }
 
 impl GradientLoop {
@@ -58,7 +64,10 @@ impl GradientLoop {
             pending: vec![flat.clone(); usize::from(control.delay_frames)].into(),
             commands: flat.clone(),
             applied: flat.clone(),
+            open_loop: vec![None; flat.len()],
             centroids: flat,
+            lighting: Lighting::on(&instrument.clone().seen_by(sensor), pupil)?,
+            frame: 0,
         })
     }
 
@@ -74,6 +83,23 @@ impl GradientLoop {
     ) -> Option<Observation> {
         let observation = observe.then(|| self.science.observe(atmosphere, time_s, &self.mirror));
         self.sensor.centroids(atmosphere, time_s, &self.mirror, &mut self.centroids);
+        match self.lighting.count() {
+            1 => self.update(),
+            _ => self.update_part(),
+        }
+        self.frame = self.frame.wrapping_add(1);
+        self.pending.push_back(self.commands.clone());
+        if let Some(next) = self.pending.pop_front() {
+            self.applied = next;
+        }
+        let pistons = self.pistons.solve(&self.applied);
+        let shape = pistons.iter().zip(&self.applied);
+        self.mirror.segments = shape.map(|(&piston, &[tip, tilt])| [piston, tip, tilt]).collect();
+        observation
+    }
+
+    /// The law, where all are lit.
+    fn update(&mut self) {
         remove_mean(&mut self.centroids);
         let measured = self.centroids.iter().zip(&self.applied);
         for (command, (centroid, applied)) in self.commands.iter_mut().zip(measured) {
@@ -83,14 +109,28 @@ impl GradientLoop {
             }
         }
         remove_mean(&mut self.commands);
-        self.pending.push_back(self.commands.clone());
-        if let Some(next) = self.pending.pop_front() {
-            self.applied = next;
+    }
+
+    /// The law of a sub-cycle.
+    fn update_part(&mut self) {
+        let lit = |i: &usize| self.lighting.lights(self.frame, *i);
+        let lit: Vec<usize> = (0..self.commands.len()).filter(lit).collect();
+        for &i in &lit {
+            let open = |axis| self.rad_per_px * self.centroids[i][axis] + self.applied[i][axis];
+            self.open_loop[i] = Some([open(0), open(1)]);
         }
-        let pistons = self.pistons.solve(&self.applied);
-        let shape = pistons.iter().zip(&self.applied);
-        self.mirror.segments = shape.map(|(&piston, &[tip, tilt])| [piston, tip, tilt]).collect();
-        observation
+        let known = self.open_loop.iter().flatten();
+        let count = known.clone().count().max(1) as f64;
+        let mean = known.fold([0.0; 2], |sum, x| [sum[0] + x[0], sum[1] + x[1]]);
+        for &i in &lit {
+            let (Some(open), command) = (self.open_loop[i], &mut self.commands[i]) else {
+                continue;
+            };
+            for axis in 0..2 {
+                let open = open[axis] - mean[axis] / count;
+                command[axis] += self.gain * (self.lever_arm * open - command[axis]);
+            }
+        }
     }
 }
 

@@ -33,6 +33,8 @@ pub struct SplashCamera {
     mask: Vec<f32>,
     sampler: PhaseSampler,
     footprint: Footprint,
+    /// Whose images are made; all, if it is empty.
+    lit: Vec<bool>,
     /// Phase of the layers at the ground less the mirror's: `[row][col]`, and in lanes.
     ground: Vec<f32>,
     mirror: Vec<f32>,
@@ -92,6 +94,7 @@ impl SplashCamera {
             mask,
             sampler: PhaseSampler::default(),
             footprint: Footprint::default(),
+            lit: vec![],
             ground: vec![0.0; side * side],
             mirror: vec![0.0; side * side],
             common: vec![0.0; lanes],
@@ -110,8 +113,14 @@ impl SplashCamera {
         self.pupil.subapertures().len()
     }
 
+    /// Makes the images of these spots only, from now on: `lit` has one entry per spot.
+    pub fn light(&mut self, lit: &[bool]) {
+        self.lit.clear();
+        self.lit.extend_from_slice(lit);
+    }
+
     /// The images at `time_s` with `mirror` in the pupil on both paths: `[spot][row][column]`,
-    /// the fraction of that spot's light that falls on each pixel. The same to the bit for any
+    /// the fraction of that spot's light that falls on each pixel; what is not lit is left alone. The same to the bit for any
     /// number of threads.
     ///
     /// # Panics
@@ -146,8 +155,11 @@ impl SplashCamera {
             scratch.down.clone()
         });
         let camera = &*self;
-        images.par_chunks_exact_mut(pixels).zip(camera.pupil.subapertures()).for_each(
-            |(image, &subaperture)| {
+        images.par_chunks_exact_mut(pixels).zip(camera.pupil.subapertures()).enumerate().for_each(
+            |(spot, (image, &subaperture))| {
+                if camera.lit.get(spot) == Some(&false) {
+                    return;
+                }
                 let thread = rayon::current_thread_index().unwrap_or(0);
                 let mut scratch =
                     camera.scratch[thread].lock().unwrap_or_else(PoisonError::into_inner);
