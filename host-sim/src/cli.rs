@@ -1,5 +1,6 @@
 //! The command line.
 
+mod crosstalk;
 mod layers;
 mod link;
 
@@ -18,6 +19,7 @@ use splash_firmware::spec::Spec;
 use std::path::PathBuf;
 use std::time::Duration;
 
+pub use crosstalk::{CrosstalkArgs, Turns};
 pub use link::{Action, LinkArgs, Place};
 
 /// Simulates a SPLASH adaptive-optics system around the firmware library.
@@ -47,6 +49,8 @@ enum Command {
     Theory(TheoryArgs),
     /// Compares sensors over independent phase screens: the paper's Strehl ratios against D/r0.
     Strehl(StrehlArgs),
+    /// Studies spots whose light falls into each other's windows, lit at once and in turn.
+    Crosstalk(CrosstalkArgs),
     /// Operates a board over its link.
     Link(LinkArgs),
     /// Makes the paper's figures, the error budget and a page that explains them.
@@ -590,6 +594,7 @@ impl Cli {
             Some(Command::Profile(args)) => commands::profile::run(&args),
             Some(Command::Theory(args)) => commands::theory::run(&args),
             Some(Command::Strehl(args)) => commands::strehl::run(&args),
+            Some(Command::Crosstalk(args)) => commands::crosstalk::run(&args),
             Some(Command::Link(args)) => commands::link::run(&args),
             Some(Command::Reproduce(args)) => commands::reproduce::run(&args),
             Some(Command::Endure(args)) => commands::endure::run(&args),

@@ -3,6 +3,7 @@
 mod campaign;
 pub mod closed_loop;
 pub mod config;
+pub mod crosstalk;
 pub mod endure;
 pub mod faults;
 pub mod frames;

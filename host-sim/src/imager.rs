@@ -23,7 +23,7 @@ pub struct Noise {
 pub struct Imager {
     camera: Camera,
     detector: Detector,
-    /// First column and row of each window.
+    /// First column and row of the image of each spot.
     origins: Vec<[usize; 2]>,
     lighting: Lighting,
     /// Photo-electrons of each spot that is lit.
@@ -47,16 +47,20 @@ impl Imager {
         pupil: &Pupil,
         atmosphere: &Atmosphere,
     ) -> Result<Self, Error> {
-        let (scale, window) = (instrument.windows.pixels_per_lambda_d, instrument.windows.size);
+        let (scale, field) = (instrument.windows.pixels_per_lambda_d, instrument.field_px());
+        // A window is in the middle of what is seen of its spot.
+        let margin = (field - instrument.windows.size) / 2;
+        let origin =
+            |window: &[u16; 2]| window.map(|first| usize::from(first).saturating_sub(margin));
         let height_m = instrument.laser.beacon_height_m;
-        let camera = Camera::new(sensor, pupil, atmosphere, height_m, scale, window)?;
+        let camera = Camera::new(sensor, pupil, atmosphere, height_m, scale, field)?;
         let detector = reconstructor.detector().clone();
         let pixels = detector.spec().width * detector.spec().height;
         let mut imager = Self {
-            images: vec![0.0; camera.spots() * window * window],
+            images: vec![0.0; camera.spots() * field * field],
             camera,
             detector,
-            origins: reconstructor.origins().iter().map(|o| o.map(usize::from)).collect(),
+            origins: reconstructor.origins().iter().map(origin).collect(),
             flux_e: reconstructor.lighting().electrons(0) as f32,
             lit: vec![true; reconstructor.lighting().colours().len()],
             lighting: reconstructor.lighting().clone(),

@@ -48,6 +48,18 @@ pub enum LatticeName {
 }
 
 impl LatticeName {
+    /// The name in descriptions and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Sqrt2 => "sqrt2",
+            Self::Two => "2",
+            Self::Sqrt5 => "sqrt5",
+            Self::Sqrt8 => "sqrt8",
+            Self::Three => "3",
+            Self::Sqrt10 => "sqrt10",
+        }
+    }
+
     /// a, b and c: the table of [`splash_firmware::schedule`].
     pub const fn numbers(self) -> [u8; 3] {
         match self {

@@ -57,7 +57,16 @@ impl Cost {
                 }
                 Some(_) => (point.averaged().len(), Sensing::Geometric),
             };
-            frames as f64 * scale * frame_s(case.comparator, sensing, n)
+            let frame_s = match (case.comparator, sensing) {
+                (Comparator::Splash, Sensing::Images) => {
+                    // The star is looked at in every frame, each spot once in a cycle.
+                    let star_s = frame_s(Comparator::Fit, sensing, n);
+                    let spots_s = frame_s(case.comparator, sensing, n) - star_s;
+                    star_s + spots_s / f64::from(point.cycle())
+                }
+                (comparator, sensing) => frame_s(comparator, sensing, n),
+            };
+            frames as f64 * scale * frame_s
         };
         let loops = cases.iter().map(one);
         let detector = instrument.detector_side() as u64;

@@ -110,6 +110,11 @@ impl Point {
         self.conditions.settle * self.cycle
     }
 
+    /// Frames in which SPLASH's spots are all lit once.
+    pub fn cycle(&self) -> u32 {
+        self.cycle
+    }
+
     /// Frames in all.
     pub fn frames(&self) -> u32 {
         self.settle() + self.conditions.frames
