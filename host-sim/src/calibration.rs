@@ -59,6 +59,14 @@ impl SlopeCalibration {
         Self::of(Sensor::Splash, instrument, progress)
     }
 
+    /// Cycles that are run under each sky.
+    pub(crate) const CYCLES: u32 = SETTLE + 4;
+
+    /// Skies under which so many subapertures are calibrated.
+    pub(crate) const fn skies(subapertures: usize) -> usize {
+        SPOTS.div_ceil(subapertures)
+    }
+
     /// Measures that of `sensor`'s images; `progress` is told the fraction done.
     ///
     /// # Errors
@@ -75,7 +83,7 @@ impl SlopeCalibration {
             return Ok(Self::ideal(instrument, 1));
         }
         let mut slopes = Self::on_bench(sensor, instrument)?;
-        let skies = SPOTS.div_ceil(subapertures);
+        let skies = Self::skies(subapertures);
         let (mut moved, mut square) = (0.0, 0.0);
         for sky in 0..skies {
             let seed = SKY_SEED + sky as u64;

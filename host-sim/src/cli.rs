@@ -1,5 +1,6 @@
 //! The command line.
 
+mod centroids;
 mod crosstalk;
 mod layers;
 mod link;
@@ -19,6 +20,7 @@ use splash_firmware::spec::Spec;
 use std::path::PathBuf;
 use std::time::Duration;
 
+pub use centroids::CentroidsArgs;
 pub use crosstalk::{CrosstalkArgs, Turns};
 pub use link::{Action, LinkArgs, Place};
 
@@ -49,6 +51,8 @@ enum Command {
     Theory(TheoryArgs),
     /// Compares sensors over independent phase screens: the paper's Strehl ratios against D/r0.
     Strehl(StrehlArgs),
+    /// Compares centroids of images with exact gradients, with the return path corrected or not.
+    Centroids(CentroidsArgs),
     /// Studies spots whose light falls into each other's windows, lit at once and in turn.
     Crosstalk(CrosstalkArgs),
     /// Operates a board over its link.
@@ -594,6 +598,7 @@ impl Cli {
             Some(Command::Profile(args)) => commands::profile::run(&args),
             Some(Command::Theory(args)) => commands::theory::run(&args),
             Some(Command::Strehl(args)) => commands::strehl::run(&args),
+            Some(Command::Centroids(args)) => commands::centroids::run(&args),
             Some(Command::Crosstalk(args)) => commands::crosstalk::run(&args),
             Some(Command::Link(args)) => commands::link::run(&args),
             Some(Command::Reproduce(args)) => commands::reproduce::run(&args),

@@ -1,6 +1,7 @@
 //! The commands, one a file.
 
 mod campaign;
+pub mod centroids;
 pub mod closed_loop;
 pub mod config;
 pub mod crosstalk;

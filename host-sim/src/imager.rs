@@ -82,6 +82,11 @@ impl Imager {
         }
     }
 
+    /// Leaves only this part of the mirror in the return path of SPLASH's spots.
+    pub fn return_through(&mut self, part: f32) {
+        self.camera.return_through(part);
+    }
+
     /// Exposes and reads a frame, ADU, row-major; without `noise`, its expectation.
     ///
     /// # Errors

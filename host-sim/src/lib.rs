@@ -15,6 +15,7 @@
 //! | [`mirror`] | DAC codes to the shape of the segments |
 //! | [`profile`] | what a frame costs on a board |
 //! | [`nor_flash`] | a flash device, and what a power cut does to it |
+//! | [`centroid_study`] | what estimators make of images, against exact gradients |
 //! | [`quick`] | a sky and a detector for runs of a million frames |
 //! | [`closed_loop`] | all of them, frame after frame |
 //! | [`endurance`] | a run by the million frames, and what must hold for ever |
@@ -28,6 +29,7 @@
 pub mod atmosphere;
 pub mod board;
 pub mod calibration;
+pub mod centroid_study;
 pub mod cli;
 pub mod closed_loop;
 pub mod commands;

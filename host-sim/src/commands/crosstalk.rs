@@ -1,11 +1,12 @@
 //! `host-sim crosstalk`: spots whose light falls into each other's windows, lit at once and in turn.
 
 use super::{output, progress};
+use crate::calibration::SlopeCalibration;
+use crate::centroid_study::{CentroidStudy, Estimate, STATES, Sums, jackknife};
 use crate::cli::{CrosstalkArgs, Turns};
 use crate::closed_loop::Sensing;
 use crate::error::Error;
 use crate::figures::{Measured, error_bars};
-use crate::files::csv::SeriesWriter;
 use crate::files::fits::{FitsWriter, Header};
 use crate::instrument::{Colours, Instrument, Lattice, LayoutName, ScheduleSection};
 use crate::lighting::Lighting;
@@ -14,6 +15,7 @@ use crate::monte_carlo::comparator::Comparator;
 use crate::monte_carlo::cost::Cost;
 use crate::monte_carlo::point::{Conditions, Point};
 use crate::monte_carlo::statistics::Mean;
+use rayon::prelude::*;
 use serde::Serialize;
 use splash_firmware::centroid::MIN_WINDOW;
 use std::path::Path;
@@ -55,6 +57,15 @@ struct PointResult {
     /// With it less without, under the same screens.
     difference: f64,
     difference_se: f64,
+    /// Slope errors against exact gradients, px rms: without correction and with all of it.
+    open_px: f64,
+    open_px_se: f64,
+    corrected_px: f64,
+    corrected_px_se: f64,
+    isolated_open_px: f64,
+    isolated_open_px_se: f64,
+    isolated_corrected_px: f64,
+    isolated_corrected_px_se: f64,
     /// Why there is none.
     refused: Option<String>,
 }
@@ -65,6 +76,8 @@ struct Task {
     points: Vec<Point>,
     /// Strehl ratio of each screen, for each point.
     strehl: Vec<Vec<f64>>,
+    /// Slope errors of each screen, open and corrected, for each point.
+    slopes: Vec<Vec<[Sums; 2]>>,
 }
 
 /// Runs it.
@@ -103,7 +116,8 @@ pub fn run(args: &CrosstalkArgs) -> Result<(), Error> {
     write_fits(&directory.join("crosstalk.fits"), args, &tasks)?;
     draw(&directory.join("crosstalk.svg"), args, &result)?;
     let mut table: Vec<(&str, String)> = Vec::new();
-    let head = "lambda/d lattice groups  window  Strehl ratio       isolated           difference";
+    let head = "lambda/d lattice groups  window  Strehl ratio      isolated          difference         \
+                slope error (isolated), px: open, corrected";
     table.push(("distance", head.to_string()));
     table.extend(result.points.iter().map(|point| ("", point.line())));
     table.push(("screens", format!("{}, wind {} pitches per frame", args.screens, args.wind)));
@@ -211,6 +225,14 @@ impl Task {
             isolated_se: f64::NAN,
             difference: f64::NAN,
             difference_se: f64::NAN,
+            open_px: f64::NAN,
+            open_px_se: f64::NAN,
+            corrected_px: f64::NAN,
+            corrected_px_se: f64::NAN,
+            isolated_open_px: f64::NAN,
+            isolated_open_px_se: f64::NAN,
+            isolated_corrected_px: f64::NAN,
+            isolated_corrected_px_se: f64::NAN,
             refused: None,
         };
         if window_px < MIN_WINDOW {
@@ -218,22 +240,30 @@ impl Task {
             let words =
                 format!("{window_px} pixels between spots lit together: at least {MIN_WINDOW}");
             result.refused = Some(words);
-            return Ok(Self { result, points: Vec::new(), strehl: Vec::new() });
+            return Ok(Self { result, points: vec![], strehl: vec![], slopes: vec![] });
         }
         instrument.windows.size = window_px;
         let mut isolated = instrument.clone();
         isolated.windows = isolated.windows.relayed();
         let point = |instrument: &Instrument| Point::new(instrument, n, conditions);
         let points = vec![point(&instrument)?, point(&isolated)?];
-        Ok(Self { result, points, strehl: Vec::new() })
+        Ok(Self { result, points, strehl: vec![], slopes: vec![] })
     }
 
     /// Time for so many screens, s on one core.
     fn core_s(&self, screens: u32) -> Result<f64, Error> {
         let cases = [Comparator::Splash.into()];
-        let one = |point| Ok(Cost::of_screen(point, &cases)?.core_s);
-        let screen_s: f64 = self.points.iter().map(one).sum::<Result<f64, Error>>()?;
-        Ok(screen_s * f64::from(screens))
+        let one = |point: &Point| {
+            let screen_s = Cost::of_screen(point, &cases)?.core_s;
+            // A calibration runs as many cycles under each of its own screens.
+            let skies = SlopeCalibration::skies(point.pupil().subapertures().len()) as f64;
+            let cycles = skies * f64::from(SlopeCalibration::CYCLES * point.cycle());
+            let calibrations = cycles / f64::from(point.frames());
+            // Slope errors take a cycle in each state.
+            let slopes = f64::from(STATES.len() as u32 * point.cycle()) / f64::from(point.frames());
+            Ok(screen_s * (calibrations + f64::from(screens) * (1.0 + slopes)))
+        };
+        self.points.iter().map(one).sum()
     }
 
     /// Runs all screens; `done` is called after each.
@@ -259,6 +289,17 @@ impl Task {
                 Ok(())
             })?;
             self.strehl.push(strehl);
+            let instrument = point.instrument();
+            let noise = !point.conditions().noise_free;
+            let estimates = [Estimate::described(instrument)];
+            let study = CentroidStudy::new(instrument, point.n(), noise, &estimates)?;
+            let seed = point.conditions().seed;
+            let sums = (0..screens).into_par_iter().map(|screen| {
+                let states = study.screen(seed, screen)?;
+                // The first state and the last.
+                Ok([states[0], states[STATES.len() - 1]])
+            });
+            self.slopes.push(sums.collect::<Result<_, Error>>()?);
         }
         Ok(())
     }
@@ -271,6 +312,16 @@ impl Task {
             (result.isolated, result.isolated_se) = of(Mean::of(isolated));
             (result.difference, result.difference_se) = of(Mean::of_differences(sky, isolated));
         }
+        if let [sky, isolated] = self.slopes.as_slice() {
+            let error = |screens: &[[Sums; 2]], state: usize| {
+                let sums: Vec<Sums> = screens.iter().map(|sums| sums[state]).collect();
+                jackknife(&sums, Sums::error_px)
+            };
+            (result.open_px, result.open_px_se) = error(sky, 0);
+            (result.corrected_px, result.corrected_px_se) = error(sky, 1);
+            (result.isolated_open_px, result.isolated_open_px_se) = error(isolated, 0);
+            (result.isolated_corrected_px, result.isolated_corrected_px_se) = error(isolated, 1);
+        }
         result
     }
 }
@@ -282,49 +333,29 @@ impl PointResult {
         match &self.refused {
             Some(words) => format!("{head} refused: {words}"),
             None => format!(
-                "{head} {:.4} +- {:.4}  {:.4} +- {:.4}  {:+.4} +- {:.4}",
+                "{head} {:.4} +- {:.4}  {:.4} +- {:.4}  {:+.4} +- {:.4}  {:.3} ({:.3})  {:.3} ({:.3})",
                 self.strehl,
                 self.strehl_se,
                 self.isolated,
                 self.isolated_se,
                 self.difference,
-                self.difference_se
+                self.difference_se,
+                self.open_px,
+                self.isolated_open_px,
+                self.corrected_px,
+                self.isolated_corrected_px
             ),
         }
     }
 }
 
 fn write_csv(path: &Path, result: &CrosstalkResult) -> Result<(), Error> {
-    let columns = [
-        "spacing_lambda_d",
-        "pitch_m",
-        "spacing_px",
-        "groups",
-        "window_px",
-        "strehl",
-        "strehl_se",
-        "isolated_strehl",
-        "isolated_strehl_se",
-        "difference",
-        "difference_se",
-    ];
-    let mut file = SeriesWriter::create(path, &columns)?;
-    for p in &result.points {
-        file.push(&[
-            p.spacing_lambda_d,
-            p.pitch_m,
-            p.spacing_px,
-            f64::from(p.groups),
-            p.window_px as f64,
-            p.strehl,
-            p.strehl_se,
-            p.isolated,
-            p.isolated_se,
-            p.difference,
-            p.difference_se,
-        ])?;
+    let failed = |error: csv::Error| Error::Run(format!("{}: {error}", path.display()));
+    let mut writer = csv::Writer::from_path(path).map_err(failed)?;
+    for point in &result.points {
+        writer.serialize(point).map_err(failed)?;
     }
-    Ok(file.finish()?)
+    Ok(writer.flush()?)
 }
 
 /// STREHL (screen; sky, isolated; lattice; distance), NaN where a loop was refused, and the axes.

@@ -69,6 +69,14 @@ impl Camera {
         }
     }
 
+    /// See [`SplashCamera::return_through`]; light of guide stars comes in by one way only.
+    pub fn return_through(&mut self, part: f32) {
+        match self {
+            Self::Splash(camera) => camera.return_through(part),
+            Self::Subapertures(_) => {}
+        }
+    }
+
     /// The images, `[subaperture][row][column]`, as fractions of each subaperture's light.
     ///
     /// # Panics
