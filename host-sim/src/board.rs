@@ -23,8 +23,11 @@ pub use program::BuildError;
 
 use crate::link::Failure;
 use splash_firmware::centroid::Measurement;
+use splash_firmware::controller::Command;
 use splash_firmware::error::ConfigError;
+use splash_firmware::fault::KINDS;
 use splash_firmware::link::{Reason, Stack};
+use splash_firmware::mode::{Mode, Refusal};
 use splash_firmware::pipeline::{Report, RowError, Totals};
 use splash_firmware::segments::Position;
 use splash_firmware::slopes::Slope;
@@ -61,6 +64,9 @@ pub enum BoardError {
         /// Why.
         reason: Reason,
     },
+    /// The controller refuses.
+    #[error("controller: {0}")]
+    Refusal(#[from] Refusal),
     /// Something that the board needs is missing.
     #[error("board {board}: {what}")]
     Missing {
@@ -104,13 +110,56 @@ impl Default for Options {
     }
 }
 
+/// What a controller says of itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Standing {
+    /// The mode.
+    pub mode: Mode,
+    /// Faults by kind, in the order of [`splash_firmware::fault::NAMES`].
+    pub faults: [u32; KINDS],
+}
+
+/// What an operator does before frame `frame`: closes the loop before the first, or, if spots are lit in turn,
+/// when each has been seen once. In standby until then, and with faults counted from there: a frame's light is
+/// judged by what every window last had.
+///
+/// # Errors
+/// As [`Board::command`].
+pub fn operate(board: &mut dyn Board, frame: u32, cycle: u32) -> Result<(), BoardError> {
+    if frame == 0 {
+        board.command(Command::Arm)?;
+        board.command(Command::Enter(Mode::Standby))?;
+    }
+    if frame == if cycle > 1 { cycle } else { 0 } {
+        board.command(Command::ClearFaults)?;
+        board.command(Command::Enter(Mode::ClosedLoop))?;
+    }
+    Ok(())
+}
+
 /// A reconstructor that runs somewhere.
+///
+/// Frames go through the frame path alone, which follows each that is complete, until the first
+/// [`Board::command`]: from then on they go through the controller, with its quality gate, its ladder and
+/// the modes that it is in.
 pub trait Board {
     /// Opens the loop: forgets every frame and flattens the mirror.
     ///
     /// # Errors
     /// [`BoardError::Process`].
     fn reset(&mut self) -> Result<(), BoardError>;
+
+    /// Has the controller do what an operator asks for; it stays in charge until the next reset.
+    ///
+    /// # Errors
+    /// [`BoardError::Refusal`], [`BoardError::Unfit`], [`BoardError::Process`].
+    fn command(&mut self, command: Command) -> Result<(), BoardError>;
+
+    /// Where the controller is, and what it has booked since it was made.
+    ///
+    /// # Errors
+    /// [`BoardError::Process`].
+    fn standing(&mut self) -> Result<Standing, BoardError>;
 
     /// Feeds a frame and returns what became of it.
     ///

@@ -6,7 +6,7 @@
 //! shows the spots of its colour ([`crate::lighting`]), and is a sub-cycle to the firmware.
 
 use crate::atmosphere::{Atmosphere, Turbulence};
-use crate::board::{Board, Frame};
+use crate::board::{Board, Frame, Standing, operate};
 use crate::error::{Error, refuse};
 use crate::imager::{Imager, Noise};
 use crate::instrument::Instrument;
@@ -203,6 +203,23 @@ impl<'a> ClosedLoop<'a> {
         }
         self.frame += 1;
         Ok(Step { frame, time_s, observation, pixels: self.pixels(), report })
+    }
+
+    /// Has the board's controller decide which frames are followed: to be called before each step
+    /// ([`operate`]); without, every complete frame is.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn operate(&mut self, cycle: u32) -> Result<(), Error> {
+        Ok(operate(self.board, self.frame, cycle)?)
+    }
+
+    /// Where the board's controller is.
+    ///
+    /// # Errors
+    /// As [`Board::standing`].
+    pub fn standing(&mut self) -> Result<Standing, Error> {
+        Ok(self.board.standing()?)
     }
 
     /// The board.

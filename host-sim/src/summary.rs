@@ -2,6 +2,7 @@
 
 use crate::optics::science::Observation;
 use sha2::{Digest, Sha256};
+use splash_firmware::fault::{KINDS, NAMES};
 use splash_firmware::pipeline::{Report, Totals};
 use std::collections::BTreeMap;
 
@@ -107,8 +108,9 @@ fn correlated_mean(values: &[f64]) -> Mean {
     Mean { mean, standard_error: (variance * tau.max(1.0) / count).sqrt() }
 }
 
-/// The faults of a run by name, without those that did not happen.
-pub fn faults(totals: &Totals) -> BTreeMap<&'static str, u32> {
+/// The faults of a run by name, without those that did not happen: those that the frame path counts, and
+/// those that the controller books.
+pub fn faults(totals: &Totals, booked: &[u32; KINDS]) -> BTreeMap<&'static str, u32> {
     let Totals {
         updated: _,
         cut_short,
@@ -132,7 +134,9 @@ pub fn faults(totals: &Totals) -> BTreeMap<&'static str, u32> {
         ("saturated_actuators", saturated_actuators),
         ("slewed_actuators", slewed_actuators),
     ];
-    all.into_iter().filter(|(_, count)| *count > 0).collect()
+    // A row of the wrong length is both counted and booked, as the same.
+    let all = NAMES.into_iter().zip(booked.iter().copied()).chain(all);
+    all.filter(|(_, count)| *count > 0).collect()
 }
 
 #[cfg(test)]

@@ -1,21 +1,31 @@
 //! The library in this process.
 
-use super::{Board, BoardError, Frame, Options};
+use super::{Board, BoardError, Frame, Options, Standing};
 use splash_firmware::calibration::Step;
 use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;
+use splash_firmware::controller::{Command, Controller, Start};
 use splash_firmware::error::ConfigError;
+use splash_firmware::interlock::Inputs;
 use splash_firmware::link::Stack;
-use splash_firmware::pipeline::{Pipeline, Probe, Report, Stage, Totals};
+use splash_firmware::pipeline::{Probe, Report, Stage, Totals};
 use splash_firmware::segments::Position;
 use splash_firmware::slopes::Slope;
 use splash_firmware::spec::Spec;
+use splash_server::controller;
 use std::time::Instant;
+
+/// Nothing stands before a mirror and a laser in simulation.
+const PERMITTED: Inputs = Inputs { laser_permit: true, high_voltage_ready: true };
 
 /// A configuration and the state of its loop.
 struct InProcess<const M: usize, const P: usize, const B: usize> {
     config: Box<Config<M, P, B>>,
-    pipeline: Box<Pipeline<M, B>>,
+    controller: Box<Controller<M, B>>,
+    /// Frames go through the controller.
+    controlled: bool,
+    /// The board's clock, ns of frames.
+    ticks: u64,
     clock: Clock,
 }
 
@@ -113,10 +123,11 @@ impl<const M: usize, const P: usize, const B: usize> InProcess<M, P, B> {
         let build = || {
             let mut config = Box::new(Config::<M, P, B>::new());
             config.build(spec)?;
-            let mut pipeline = Box::new(Pipeline::new());
-            pipeline.reset(&config);
+            let mut controller = Box::new(controller());
+            controller.bench().reset(&config);
             let clock = Clock::new(options.marks);
-            Ok(Box::new(Self { config, pipeline, clock }) as Box<dyn Local + Send>)
+            Ok(Box::new(Self { config, controller, controlled: false, ticks: 0, clock })
+                as Box<dyn Local + Send>)
         };
         std::thread::scope(|scope| {
             let builder = std::thread::Builder::new().stack_size(BUILD_STACK);
@@ -140,14 +151,45 @@ impl<const M: usize, const P: usize, const B: usize> Local for InProcess<M, P, B
 
 impl<const M: usize, const P: usize, const B: usize> Board for InProcess<M, P, B> {
     fn reset(&mut self) -> Result<(), BoardError> {
-        self.pipeline.reset(&self.config);
+        if self.controlled {
+            // Into safe leads a way from everywhere.
+            self.controller.request(&self.config, Command::Disarm, false, self.ticks)?;
+            self.controlled = false;
+        }
+        self.controller.bench().reset(&self.config);
         Ok(())
+    }
+
+    fn command(&mut self, command: Command) -> Result<(), BoardError> {
+        let Self { config, controller, controlled, ticks, .. } = self;
+        if !*controlled {
+            controller.exchange(config, config, true)?;
+            *controlled = true;
+        }
+        controller.interlock(PERMITTED, *ticks);
+        // What its slopes are calibrated by is in the specification.
+        let asked = controller.request(config, command, true, *ticks);
+        controller.interlock(PERMITTED, *ticks);
+        Ok(asked?)
+    }
+
+    fn standing(&mut self) -> Result<Standing, BoardError> {
+        let Self { controller, .. } = self;
+        Ok(Standing { mode: controller.mode(), faults: *controller.faults().counts() })
     }
 
     fn frame(&mut self, number: u32, frame: Frame<'_>) -> Result<Report, BoardError> {
         let refused = |source| BoardError::Refused { frame: number, source };
         self.clock.mark();
-        self.pipeline.begin(&self.config, number);
+        let timing = self.config.timing();
+        let pulses = timing.pulses_per_frame;
+        self.ticks += u64::from(timing.period_ns) * u64::from(pulses);
+        if self.controlled {
+            let start = Start { number, pulses, ticks: self.ticks };
+            self.controller.begin(&self.config, start);
+        } else {
+            self.controller.bench().begin(&self.config, number);
+        }
         self.clock.mark();
         match frame {
             Frame::Pixels(pixels) => {
@@ -157,35 +199,42 @@ impl<const M: usize, const P: usize, const B: usize> Board for InProcess<M, P, B
                 for rows in whole.chunks(BLOCK * width).chain(cut.chunks(width)) {
                     let count = rows.len().div_ceil(width) as u16;
                     self.clock.mark();
-                    let pushed = self.pipeline.push_rows(&self.config, rows, count);
+                    let pushed = self.controller.push_rows(&self.config, rows, count);
                     self.clock.mark();
                     pushed.map_err(refused)?;
                 }
             }
             Frame::Measurements(measurements) => {
-                self.pipeline.push_measurements(&self.config, measurements).map_err(refused)?;
+                self.controller.push_measurements(&self.config, measurements).map_err(refused)?;
             }
         }
         self.clock.mark();
-        let report = self.pipeline.finish_probed(&self.config, &mut self.clock);
+        let report = if self.controlled {
+            self.controller.finish(&self.config, &mut self.clock).report
+        } else {
+            self.controller.bench().finish_probed(&self.config, &mut self.clock)
+        };
         self.clock.mark();
+        if self.controlled {
+            self.controller.interlock(PERMITTED, self.ticks);
+        }
         Ok(report)
     }
 
     fn codes(&self) -> &[[u16; 3]] {
-        self.pipeline.codes()
+        self.controller.pipeline().codes()
     }
 
     fn measurements(&self) -> &[Measurement] {
-        self.pipeline.measurements()
+        self.controller.pipeline().measurements()
     }
 
     fn slopes(&self) -> &[Slope] {
-        self.pipeline.slopes()
+        self.controller.pipeline().slopes()
     }
 
     fn positions(&self) -> &[Position] {
-        self.pipeline.positions()
+        self.controller.pipeline().positions()
     }
 
     fn components(&self) -> usize {
@@ -197,7 +246,7 @@ impl<const M: usize, const P: usize, const B: usize> Board for InProcess<M, P, B
     }
 
     fn totals(&self) -> Totals {
-        self.pipeline.totals()
+        self.controller.pipeline().totals()
     }
 
     fn marks(&mut self) -> Result<Vec<u64>, BoardError> {

@@ -2,11 +2,13 @@
 
 use super::in_process::local;
 use super::process::{Emulator, Process, failed};
-use super::{Board, BoardError, Frame, Options};
+use super::{Board, BoardError, Frame, Options, Standing};
 use crate::link::client::unexpected;
 use crate::link::frames::State;
 use crate::link::{Client, Failure, Transport};
+use splash_firmware::calibration::Step;
 use splash_firmware::centroid::Measurement;
+use splash_firmware::controller::Command;
 use splash_firmware::link::{Identity, Reason, Request, Response, Stack};
 use splash_firmware::pipeline::{Report, Totals};
 use splash_firmware::segments::Position;
@@ -42,7 +44,9 @@ impl Remote {
         spec: &Spec<'_>,
         options: Options,
     ) -> Result<Self, BoardError> {
-        let here = local(spec, Options::default())?;
+        let mut here = local(spec, Options::default())?;
+        // What its slopes are calibrated by is in the specification.
+        here.set_calibrated(&Step::ALL, u16::MAX);
         let board = emulator.board;
         let mut client = Client::new(emulator.start(options.patience)?);
         let identity = client.identify().map_err(failed(board, "when it was asked what it is"))?;
@@ -76,6 +80,32 @@ impl Board for Remote {
         self.client.transport().show_log();
         self.state = done.map_err(failed(self.board, "when the loop was opened"))?;
         Ok(())
+    }
+
+    fn command(&mut self, command: Command) -> Result<(), BoardError> {
+        let answer = self.client.ask(Request::Command(command)).and_then(|answer| match answer {
+            Response::Ready => Ok(None),
+            Response::Refused(reason) => Ok(Some(reason)),
+            other => Err(unexpected(&other)),
+        });
+        match answer.map_err(failed(self.board, "when its mode was to change"))? {
+            None => Ok(()),
+            Some(reason) => Err(BoardError::Unfit { board: self.board, reason }),
+        }
+    }
+
+    fn standing(&mut self) -> Result<Standing, BoardError> {
+        let mut ask = || {
+            let mode = match self.client.ask(Request::Status)? {
+                Response::Status(status) => status.mode,
+                other => return Err(unexpected(&other)),
+            };
+            match self.client.ask(Request::Counters)? {
+                Response::Counters(counters) => Ok(Standing { mode, faults: counters.faults }),
+                other => Err(unexpected(&other)),
+            }
+        };
+        ask().map_err(failed(self.board, "when it was asked for its mode and faults"))
     }
 
     fn frame(&mut self, number: u32, frame: Frame<'_>) -> Result<Report, BoardError> {

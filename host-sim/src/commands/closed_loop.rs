@@ -77,6 +77,7 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
     let mut simulated = Duration::ZERO;
     for frame in 0..run.frames {
         let before = Instant::now();
+        closed.operate(cycle)?;
         let step = closed.step()?;
         simulated += before.elapsed();
         series.push(step.time_s, &step.observation, step.report);
@@ -93,6 +94,7 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
     }
     bar.finish_and_clear();
 
+    let standing = closed.standing()?;
     let settle = settle as usize;
     let strehl = series.mean_strehl(settle);
     let result = LoopResult {
@@ -105,7 +107,7 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
         variance_rad2: series.mean_variance(settle).mean,
         frames_per_second: f64::from(run.frames) / simulated.as_secs_f64(),
         digest: digest.hex(),
-        faults: faults(&closed.board().totals()),
+        faults: faults(&closed.board().totals(), &standing.faults),
     };
     files.finish()?;
     write_series(&directory, &series, settle)?;
@@ -155,6 +157,7 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
                 ),
             ),
             ("faults", output::faults_in_words(&result.faults)),
+            ("at the end", standing.mode.to_string()),
             ("digest", result.digest.clone()),
             ("pictures and files", directory.display().to_string()),
         ],

@@ -1,7 +1,7 @@
 //! `host-sim replay`: recorded frames through the firmware library.
 
 use super::{output, progress};
-use crate::board::{Frame, in_process};
+use crate::board::{Frame, in_process, operate};
 use crate::calibration::SlopeCalibration;
 use crate::cli::ReplayArgs;
 use crate::error::{Error, refuse};
@@ -88,6 +88,7 @@ pub fn run(args: &ReplayArgs) -> Result<(), Error> {
     let nm = 1e9 * board.ulp_m();
     for frame in 0..total as u32 {
         cube.next_frame(&mut pixels).map_err(unusable)?;
+        operate(board.as_mut(), frame, reconstructor.lighting().count())?;
         board.frame(frame, Frame::Pixels(&pixels))?;
         digest.add(board.codes());
         commands.push(board.codes().as_flattened())?;
@@ -110,7 +111,7 @@ pub fn run(args: &ReplayArgs) -> Result<(), Error> {
     let result = ReplayResult {
         frames: total as u32,
         digest: digest.hex(),
-        faults: faults(&board.totals()),
+        faults: faults(&board.totals(), &board.standing()?.faults),
     };
     output::report(
         args.output.json,

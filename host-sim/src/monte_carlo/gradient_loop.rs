@@ -1,9 +1,9 @@
 //! A loop of exact gradients in double precision: no images, no detector, no rounding, no limits.
 //!
 //! It has the firmware's law, c' = (1 - g) c + g f (s + c_applied), with means removed from slopes and
-//! commands, and its sub-cycles if there is a schedule: x = s + c_applied of what is lit is kept, its mean is
-//! taken over everyone's latest, and only what is lit moves. It reaches pupils that the firmware does not. Tips and tilts are phases from centre to edge:
-//! a centroid of one pixel of lambda/(p d) is pi/p of it.
+//! commands, and reaches pupils that the firmware does not. With a schedule it has the law of sub-cycles:
+//! x = s + c_applied of what is lit is kept, its mean is taken over everyone's latest, and only what is lit
+//! moves. Tips and tilts are phases from centre to edge: a centroid of one pixel of lambda/(p d) is pi/p of it.
 
 use super::pistons::Pistons;
 use crate::atmosphere::Atmosphere;
