@@ -96,6 +96,9 @@ pub enum Command {
     Gate(Range),
     /// Counts faults from zero.
     ClearFaults,
+    /// States what mirror and detector are there, in safe and without high voltage: what a board cannot
+    /// read from them. What runs need not fit, but is armed and leaves safe only if it does.
+    Hardware(Serials),
 }
 
 /// What became of a frame, or of its absence.
@@ -445,9 +448,11 @@ impl<const M: usize, const B: usize> Controller<M, B> {
         let done = match command {
             // It counts its refusals itself.
             Command::Enter(mode) => return self.enter(config, mode, calibrated, at),
-            Command::Arm => self.interlock.arm(self.inputs, ticks).map_err(|inputs| {
-                let Inputs { laser_permit, high_voltage_ready } = inputs;
-                Refusal::Interlock { laser_permit, high_voltage_ready }
+            Command::Arm => self.admit(config).and_then(|()| {
+                self.interlock.arm(self.inputs, ticks).map_err(|inputs| {
+                    let Inputs { laser_permit, high_voltage_ready } = inputs;
+                    Refusal::Interlock { laser_permit, high_voltage_ready }
+                })
             }),
             Command::Disarm => {
                 self.interlock.disarm(ticks);
@@ -473,11 +478,29 @@ impl<const M: usize, const B: usize> Controller<M, B> {
                 self.faults.clear();
                 Ok(())
             }
+            Command::Hardware(serials) => self.replace_hardware(serials),
         };
         if done.is_err() {
             self.modes.refuse();
         }
         done
+    }
+
+    /// Whether a configuration was made for the hardware that is there.
+    fn admit<const P: usize>(&self, config: &Config<M, P, B>) -> Result<(), Refusal> {
+        self.serials.admit(config.serials()).map_err(Refusal::OtherHardware)
+    }
+
+    fn replace_hardware(&mut self, serials: Serials) -> Result<(), Refusal> {
+        let mode = self.modes.mode();
+        if mode != Mode::Safe {
+            return Err(Refusal::WrongMode { mode });
+        }
+        if self.interlock.outputs().high_voltage {
+            return Err(Refusal::HighVoltage);
+        }
+        self.serials = serials;
+        Ok(())
     }
 
     fn enter<const P: usize>(
@@ -494,6 +517,12 @@ impl<const M: usize, const B: usize> Controller<M, B> {
             laser: self.interlock.outputs().laser,
             calibrated,
         };
+        if mode != Mode::Safe
+            && let Err(refusal) = self.admit(config)
+        {
+            self.modes.refuse();
+            return Err(refusal);
+        }
         self.modes.enter(mode, have, at)?;
         match mode {
             Mode::ClosedLoop => self.ladder = Ladder::new(),
@@ -560,7 +589,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
         config: &Config<M, P, B>,
         calibrated: bool,
     ) -> Result<(), Refusal> {
-        self.serials.admit(config.serials()).map_err(Refusal::OtherHardware)?;
+        self.admit(config)?;
         if config.mask().is_none() {
             return Err(Refusal::NotConfigured);
         }
@@ -658,6 +687,12 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     #[must_use]
     pub const fn faults(&self) -> &Faults {
         &self.faults
+    }
+
+    /// The hardware that is there; 0 where nobody has said.
+    #[must_use]
+    pub const fn serials(&self) -> Serials {
+        self.serials
     }
 
     /// The range gate.

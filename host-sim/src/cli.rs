@@ -337,6 +337,9 @@ pub struct StrehlArgs {
     /// Detector without noise, with 16 bits over its range, as in the paper [this is the default]
     #[arg(long, conflicts_with = "noise")]
     pub(crate) noise_free: bool,
+    /// What images have of a spot [default: whole without noise, described with noise]
+    #[arg(long, value_enum)]
+    pub(crate) windows: Option<WindowsName>,
     /// Seed of turbulence and noise
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub(crate) seed: u64,
@@ -349,6 +352,15 @@ pub struct StrehlArgs {
     pub(crate) long: bool,
     #[command(flatten)]
     pub(crate) output: OutputArgs,
+}
+
+/// What images have of a spot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum WindowsName {
+    /// The description's windows, samples and threshold
+    Described,
+    /// Windows of at least 12 lambda/d, the samples that these take, and no part of the peak as threshold
+    Whole,
 }
 
 /// `host-sim reproduce`.

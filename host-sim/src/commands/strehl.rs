@@ -5,7 +5,7 @@ pub(super) mod results;
 
 use super::campaign::Campaign;
 use super::output;
-use crate::cli::StrehlArgs;
+use crate::cli::{StrehlArgs, WindowsName};
 use crate::closed_loop::Sensing;
 use crate::error::{Error, refuse};
 use crate::files::lock::Lock;
@@ -64,11 +64,16 @@ fn points(args: &StrehlArgs) -> Result<Vec<Point>, Error> {
     }
     description.control.gain = args.gain.unwrap_or(description.control.gain);
     description.control.delay_frames = args.delay.unwrap_or(description.control.delay_frames);
+    // Exact gradients have no noise, and no windows: a run is the same with the flags and without.
+    let images = args.sensing == Sensing::Images;
+    let usual = if args.noise { WindowsName::Described } else { WindowsName::Whole };
+    if images && args.windows.unwrap_or(usual) == WindowsName::Whole {
+        description = description.with_whole_spots();
+    }
     let frames = args.frames.unwrap_or(if moving { MOVING_FRAMES } else { STATIC_FRAMES });
     let conditions = Conditions {
         sensing: args.sensing,
-        // Exact gradients have no noise: a run is the same with the flag and without.
-        noise_free: !args.noise || args.sensing == Sensing::Geometric,
+        noise_free: !args.noise || !images,
         settle: SETTLE,
         frames,
         seed: args.seed,

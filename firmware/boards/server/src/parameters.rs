@@ -6,6 +6,7 @@ use splash_firmware::banks::{BankError, Banks, Draft};
 use splash_firmware::config::Config;
 use splash_firmware::image::ImageError;
 use splash_firmware::link::{PIECE, Reason, Request, Response};
+use splash_firmware::mirror::Serials;
 use splash_firmware::store::Store;
 
 /// Does to the other bank what is asked, and returns the answer; `None` for a request about something
@@ -144,7 +145,7 @@ pub fn stored<F: NorFlash, const M: usize, const P: usize, const B: usize>(
     flash: Option<F>,
     banks: &mut Banks<'_, M, P, B>,
     request: &Request,
-    may_store: Result<(), Reason>,
+    serials: Result<Serials, Reason>,
 ) -> Option<Response> {
     if !matches!(request, Request::Store | Request::Stored | Request::Restore) {
         return None;
@@ -152,8 +153,8 @@ pub fn stored<F: NorFlash, const M: usize, const P: usize, const B: usize>(
     let Some(flash) = flash else { return Some(Response::Refused(Reason::Unsupported)) };
     let mut store = Store::new(flash);
     let answer = match request {
-        Request::Store => may_store.and_then(|()| {
-            let stored = store.store(banks.running())?;
+        Request::Store => serials.and_then(|serials| {
+            let stored = store.store(banks.running(), serials)?;
             Ok(Response::Stored(Some(stored)))
         }),
         Request::Stored => store.newest_stored().map(Response::Stored).map_err(Reason::from),

@@ -35,11 +35,11 @@ pub const fn controller<const M: usize, const B: usize>() -> Controller<M, B> {
 ///
 /// `board` is the board's name, at most 16 bytes. Configurations come over the link; before the first,
 /// every frame is held. Frames go through the frame path by itself, as on a bench, until the first
-/// [`Request::Command`]; from it to the next [`Request::Reset`] or [`Request::Load`] they go through the
-/// controller. In a frame there are marks before and after `begin`, before and after each
-/// `push_rows` (the wait for the rows is outside), before `finish`, after each of its stages and
-/// after its end; two in a row at the start tell what a mark itself costs. Telemetry is sent behind
-/// the answers to a request.
+/// [`Request::Command`] that is not about hardware; from it to the next [`Request::Reset`] or
+/// [`Request::Load`] they go through the controller. In a frame there are marks before and after `begin`,
+/// before and after each `push_rows` (the wait for the rows is outside), before `finish`, after each of
+/// its stages and after its end; two in a row at the start tell what a mark itself costs. Telemetry is
+/// sent behind the answers to a request.
 pub fn serve<T: Port, const M: usize, const P: usize, const B: usize, const R: usize>(
     port: &mut T,
     board: &str,
@@ -253,8 +253,8 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
                 let answer = parameters::draft(&mut self.banks.draft, &other)
                     .or_else(|| parameters::running(self.banks.running(), &other))
                     .or_else(|| {
-                        let may_store = self.may_store();
-                        parameters::stored(out.port.flash(), &mut self.banks, &other, may_store)
+                        let serials = self.may_store().map(|()| self.controller.serials());
+                        parameters::stored(out.port.flash(), &mut self.banks, &other, serials)
                     });
                 out.send(answer.unwrap_or(Response::Refused(Reason::Unsupported)))?;
             }
@@ -266,7 +266,8 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
     fn command(&mut self, command: Command) -> Result<(), Refusal> {
         let config = self.banks.running();
         let calibrated = config.calibration().is_ok();
-        if !self.controlled {
+        // What hardware there is can be said while what runs does not fit it.
+        if !self.controlled && !matches!(command, Command::Hardware(_)) {
             self.controller.exchange(config, config, calibrated)?;
             self.controlled = true;
         }
@@ -322,6 +323,7 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
 
     /// Sends the telemetry that there is.
     fn tell<T: Port>(&mut self, port: &mut T) -> Result<(), T::Error> {
+        self.telemetry.tell(self.controller.faults());
         let mut out = Outbox { port, sequence: 0 };
         while let Some(record) = self.telemetry.pop() {
             out.send(Response::Telemetry(record))?;
@@ -347,7 +349,7 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
         Status {
             build: identity::BUILD,
             configuration: self.banks.hash(),
-            serials: Serials::default(),
+            serials: self.controller.serials(),
             draft: self.banks.draft.state(),
             draft_refused: self.banks.refused(),
             mode: self.controller.mode(),

@@ -431,6 +431,15 @@ fn parameters(data: &Data<'_>) -> Result<String, Error> {
         ["turbulence", &layers],
         ["beacon", &format!("{:.0} m", instrument.laser.beacon_height_m)],
         [
+            "windows of images",
+            &format!(
+                "{0} x {0} pixels of lambda/{1}d, {2} samples per subaperture",
+                instrument.windows.size,
+                instrument.windows.pixels_per_lambda_d,
+                instrument.telescope.samples
+            ),
+        ],
+        [
             "laser, science",
             &format!(
                 "{:.0} nm, {:.0} nm",
