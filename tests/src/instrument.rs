@@ -201,6 +201,7 @@ impl Instrument {
                 delay_frames: self.delay_frames,
                 global_tilt_max_age: self.global_tilt_max_age,
             },
+            modal: None,
             sor: self.sor,
             segments: SegmentSpec {
                 stroke_m: self.stroke_m,

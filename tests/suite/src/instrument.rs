@@ -170,6 +170,7 @@ impl Instrument {
                 delay_frames: self.delay_frames,
                 global_tilt_max_age: 2,
             },
+            modal: None,
             sor: self.sor,
             segments: SegmentSpec {
                 stroke_m: STROKE_M,
