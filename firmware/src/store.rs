@@ -174,9 +174,9 @@ impl<F: NorFlash> Store<F> {
     ///
     /// # Errors
     /// A [`StoreError`]; the newer of them is still there.
-    pub fn store<const M: usize, const P: usize, const B: usize>(
+    pub fn store<const M: usize, const P: usize, const B: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         serials: Serials,
     ) -> Result<Stored, StoreError<F::Error>> {
         let length = config.image_bytes() as u32;
@@ -214,9 +214,9 @@ impl<F: NorFlash> Store<F> {
     ///
     /// # Errors
     /// A [`StoreError`]; after [`StoreError::Image`] `config` has no subapertures.
-    pub fn restore<const M: usize, const P: usize, const B: usize>(
+    pub fn restore<const M: usize, const P: usize, const B: usize, const K: usize>(
         &mut self,
-        config: &mut Config<M, P, B>,
+        config: &mut Config<M, P, B, K>,
     ) -> Result<Stored, StoreError<F::Error>> {
         let (slot, stored) = self.newest()?.ok_or(StoreError::Nothing)?;
         let start = self.start(slot);

@@ -225,9 +225,9 @@ impl<const R: usize> Ring<R> {
     }
 
     /// Takes what a frame has left: between `finish` and the next `begin`.
-    pub fn fill<const M: usize, const B: usize>(
+    pub fn fill<const M: usize, const B: usize, const K: usize>(
         &mut self,
-        pipeline: &Pipeline<M, B>,
+        pipeline: &Pipeline<M, B, K>,
         result: &FrameResult,
         stamp: &Stamp,
     ) {

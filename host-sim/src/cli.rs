@@ -47,6 +47,8 @@ enum Command {
     Theory(TheoryArgs),
     /// Compares sensors over independent phase screens: the paper's Strehl ratios against D/r0.
     Strehl(StrehlArgs),
+    /// Shows what a second gate, which images the spots on their way, does for SPLASH.
+    Gates(GatesArgs),
     /// Operates a board over its link.
     Link(LinkArgs),
     /// Makes the paper's figures, the error budget and a page that explains them.
@@ -363,6 +365,62 @@ pub enum WindowsName {
     Whole,
 }
 
+/// `host-sim gates`.
+///
+/// One gate with the paper's null-seeking law and with the best number f, two gates combined in 12 and 25 modes,
+/// laser and natural guide star and the best fit, under the same screens, with exact gradients in loops of double
+/// precision. The combination is made for the description's layers, or for those of its [second_gate]; the second
+/// gate is at half the beacon's height unless the description has one. `expected` is the residual variance beyond the
+/// fitting error by theory; the rest is measured, with its standard error in brackets.
+#[derive(Clone, Debug, Args)]
+pub struct GatesArgs {
+    /// Instrument description (TOML), laid over the default one
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Subapertures across the pupil, of the same size, 4 to 40
+    #[arg(
+        long,
+        value_name = "N",
+        default_value = "8,16",
+        value_parser = subapertures(),
+        value_delimiter = ',',
+        allow_negative_numbers = true
+    )]
+    pub(crate) n: Vec<usize>,
+    /// Modes in which two gates are combined: 12, 25
+    #[arg(long, value_name = "MODES", default_value = "12,25", value_delimiter = ',')]
+    pub(crate) modes: Vec<usize>,
+    /// Independent screens for each N
+    #[arg(
+        long,
+        value_name = "SCREENS",
+        default_value_t = 30,
+        value_parser = value_parser!(u32).range(1..=1_000_000),
+        allow_negative_numbers = true
+    )]
+    pub(crate) screens: u32,
+    /// Rms noise of a slope, for each gate, axis and frame, rad of phase at the laser's wavelength from edge to edge of a
+    /// subaperture; the combination is made for it [default: the description's, 0]
+    #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
+    pub(crate) slope_noise: Option<f64>,
+    /// Moving screens: pitches per frame, of every layer in its direction [default: frozen screens]
+    #[arg(long, value_name = "PITCHES", allow_negative_numbers = true)]
+    pub(crate) wind: Option<f64>,
+    /// Frames averaged for each screen [default: 10 if static, else 100], after 40 to settle
+    #[arg(
+        long,
+        value_name = "FRAMES",
+        value_parser = value_parser!(u32).range(1..=1_000_000),
+        allow_negative_numbers = true
+    )]
+    pub(crate) frames: Option<u32>,
+    /// Seed of turbulence and noise
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub(crate) seed: u64,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
 /// `host-sim reproduce`.
 ///
 /// Both figures of the paper (Butterley et al. 2006): what each sensor can sense by radial order, section 3, and
@@ -601,6 +659,7 @@ impl Cli {
             Some(Command::Profile(args)) => commands::profile::run(&args),
             Some(Command::Theory(args)) => commands::theory::run(&args),
             Some(Command::Strehl(args)) => commands::strehl::run(&args),
+            Some(Command::Gates(args)) => commands::gates::run(&args),
             Some(Command::Link(args)) => commands::link::run(&args),
             Some(Command::Reproduce(args)) => commands::reproduce::run(&args),
             Some(Command::Endure(args)) => commands::endure::run(&args),

@@ -6,6 +6,7 @@ pub mod config;
 pub mod endure;
 pub mod faults;
 pub mod frames;
+pub mod gates;
 pub mod link;
 mod output;
 pub mod profile;

@@ -27,6 +27,7 @@ pub struct Instrument {
     pub telescope: Telescope,
     pub atmosphere: AtmosphereSection,
     pub laser: Laser,
+    pub second_gate: SecondGate,
     pub science: ScienceSection,
     pub detector: DetectorSection,
     pub windows: Windows,
@@ -106,6 +107,26 @@ pub struct Laser {
     pub pulse_rate_hz: f64,
     pub pulses_per_frame: u32,
     pub electrons_per_spot: f64,
+}
+
+/// The second gate, and what it is combined for with the first.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct SecondGate {
+    pub height_m: f64,
+    pub modes: usize,
+    pub slope_noise_rad: f64,
+    pub layers: Vec<ExpectedLayer>,
+}
+
+/// A layer that is expected.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct ExpectedLayer {
+    pub weight: f64,
+    pub height_m: f64,
 }
 
 /// The science camera.

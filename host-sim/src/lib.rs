@@ -46,6 +46,7 @@ pub mod optics;
 pub mod profile;
 pub mod pupil;
 pub mod quick;
+pub mod range_diversity;
 pub mod reconstructor;
 pub mod screen;
 pub mod summary;

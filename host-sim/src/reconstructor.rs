@@ -189,6 +189,7 @@ impl Reconstructor {
                 delay_frames: control.delay_frames,
                 global_tilt_max_age: GLOBAL_TILT_MAX_AGE,
             },
+            modal: None,
             sor: SorSpec {
                 sweeps: (control.sweeps > 0).then_some(control.sweeps),
                 ..SorSpec::default()

@@ -6,6 +6,7 @@ use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;
 use splash_firmware::error::ConfigError;
 use splash_firmware::link::Stack;
+use splash_firmware::modal::MAX_MODES;
 use splash_firmware::pipeline::{Pipeline, Probe, Report, Stage, Totals};
 use splash_firmware::segments::Position;
 use splash_firmware::slopes::Slope;
@@ -13,9 +14,9 @@ use splash_firmware::spec::Spec;
 use std::time::Instant;
 
 /// A configuration and the state of its loop.
-struct InProcess<const M: usize, const P: usize, const B: usize> {
-    config: Box<Config<M, P, B>>,
-    pipeline: Box<Pipeline<M, B>>,
+struct InProcess<const M: usize, const P: usize, const B: usize, const K: usize> {
+    config: Box<Config<M, P, B, K>>,
+    pipeline: Box<Pipeline<M, B, K>>,
     clock: Clock,
 }
 
@@ -96,11 +97,16 @@ pub(super) fn local(
     options: Options,
 ) -> Result<Box<dyn Local + Send>, ConfigError> {
     let across = spec.mask.across();
-    let pixels = spec.mask.count() * usize::from(spec.windows.size).pow(2);
-    match (across, pixels) {
-        (..=8, ..=16_384) => InProcess::<64, 16_384, 16_384>::boxed(spec, options),
-        (..=16, ..=65_536) => InProcess::<256, 65_536, 65_536>::boxed(spec, options),
-        _ => InProcess::<1600, 1_638_400, 1_638_400>::boxed(spec, options),
+    let gates = if spec.modal.is_some() { 2 } else { 1 };
+    let pixels = gates * spec.mask.count() * usize::from(spec.windows.size).pow(2);
+    match (gates, across, pixels) {
+        (1, ..=8, ..=16_384) => InProcess::<64, 16_384, 16_384, 0>::boxed(spec, options),
+        (1, ..=16, ..=65_536) => InProcess::<256, 65_536, 65_536, 0>::boxed(spec, options),
+        (1, ..) => InProcess::<1600, 1_638_400, 1_638_400, 0>::boxed(spec, options),
+        (_, ..=16, ..=131_072) => {
+            InProcess::<512, 131_072, 131_072, MAX_MODES>::boxed(spec, options)
+        }
+        _ => InProcess::<3200, 3_276_800, 3_276_800, MAX_MODES>::boxed(spec, options),
     }
 }
 
@@ -108,10 +114,10 @@ pub(super) fn local(
 /// stack before they are boxed, and a debug build copies them on the way.
 const BUILD_STACK: usize = 256 << 20;
 
-impl<const M: usize, const P: usize, const B: usize> InProcess<M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize> InProcess<M, P, B, K> {
     fn boxed(spec: &Spec<'_>, options: Options) -> Result<Box<dyn Local + Send>, ConfigError> {
         let build = || {
-            let mut config = Box::new(Config::<M, P, B>::new());
+            let mut config = Box::new(Config::<M, P, B, K>::new());
             config.build(spec)?;
             let mut pipeline = Box::new(Pipeline::new());
             pipeline.reset(&config);
@@ -126,7 +132,9 @@ impl<const M: usize, const P: usize, const B: usize> InProcess<M, P, B> {
     }
 }
 
-impl<const M: usize, const P: usize, const B: usize> Local for InProcess<M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Local
+    for InProcess<M, P, B, K>
+{
     fn image(&self) -> Vec<u8> {
         let mut image = Vec::new();
         self.config.save(&mut |piece| image.extend_from_slice(piece));
@@ -138,7 +146,9 @@ impl<const M: usize, const P: usize, const B: usize> Local for InProcess<M, P, B
     }
 }
 
-impl<const M: usize, const P: usize, const B: usize> Board for InProcess<M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Board
+    for InProcess<M, P, B, K>
+{
     fn reset(&mut self) -> Result<(), BoardError> {
         self.pipeline.reset(&self.config);
         Ok(())

@@ -6,6 +6,7 @@
 use super::Instrument;
 use crate::error::{Error, refuse};
 use crate::pupil::MAX_SAMPLES;
+use crate::range_diversity::modes::Modes;
 use splash_firmware::centroid::{MAX_WINDOW, MIN_WINDOW};
 use splash_firmware::control::MAX_DELAY;
 use splash_firmware::gate::SPEED_OF_LIGHT_M_PER_S;
@@ -22,6 +23,7 @@ impl Instrument {
     /// [`Error::Config`] with its name, the value and the limit.
     pub fn check(&self) -> Result<(), Error> {
         self.check_light()?;
+        self.check_second_gate()?;
         self.check_camera()?;
         self.check_loop()?;
         self.check_safety()
@@ -75,6 +77,24 @@ impl Instrument {
         within("laser.pulses_per_frame", f64::from(laser.pulses_per_frame), 1.0, 1e6)?;
         within("laser.electrons_per_spot", laser.electrons_per_spot, 1e-3, 1e9)?;
         within("science.wavelength_m", science.wavelength_m, 1e-7, 1e-4)
+    }
+
+    /// The second gate.
+    fn check_second_gate(&self) -> Result<(), Error> {
+        let Self { laser, second_gate, .. } = self;
+        within("second_gate.height_m", second_gate.height_m, 0.0, laser.beacon_height_m)?;
+        if !Modes::COUNTS.contains(&second_gate.modes) {
+            return Err(refuse("second_gate.modes", second_gate.modes, "0, 12 or 25"));
+        }
+        within("second_gate.slope_noise_rad", second_gate.slope_noise_rad, 0.0, 100.0)?;
+        for (index, layer) in second_gate.layers.iter().enumerate() {
+            let check = |field: &str, value, from, to| {
+                within(&format!("second_gate.layers[{index}].{field}"), value, from, to)
+            };
+            check("weight", layer.weight, 1e-6, 1e9)?;
+            check("height_m", layer.height_m, 0.0, 0.999 * laser.beacon_height_m)?;
+        }
+        Ok(())
     }
 
     /// Detector and windows.

@@ -4,8 +4,8 @@
 //! mirror off what it sees, so s + c is what it sees with a flat mirror, less its mean: the gain does not
 //! matter, and one frame is enough.
 
-use super::gradient_loop::{Tilts, remove_mean};
 use super::pistons::Pistons;
+use super::slope_control::{Tilts, remove_mean};
 use crate::atmosphere::Atmosphere;
 use crate::error::Error;
 use crate::instrument::Instrument;

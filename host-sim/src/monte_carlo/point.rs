@@ -363,7 +363,7 @@ impl Sum {
 }
 
 /// The seed of a screen: screens of other numbers, pupils and runs have nothing in common.
-fn screen_seed(seed: u64, n: usize, screen: u32) -> u64 {
+pub(super) fn screen_seed(seed: u64, n: usize, screen: u32) -> u64 {
     let mut hash = Sha256::new();
     hash.update(seed.to_le_bytes());
     hash.update((n as u64).to_le_bytes());

@@ -11,8 +11,8 @@ use splash_firmware::store::Store;
 
 /// Does to the other bank what is asked, and returns the answer; `None` for a request about something
 /// else.
-pub fn draft<const M: usize, const P: usize, const B: usize>(
-    draft: &mut Draft<'_, M, P, B>,
+pub fn draft<const M: usize, const P: usize, const B: usize, const K: usize>(
+    draft: &mut Draft<'_, M, P, B, K>,
     request: &Request,
 ) -> Option<Response> {
     let done = match request {
@@ -37,8 +37,8 @@ pub fn draft<const M: usize, const P: usize, const B: usize>(
 ///
 /// # Errors
 /// A [`BankError`]; the bank is then empty.
-pub fn load<T: Link, const M: usize, const P: usize, const B: usize>(
-    draft: &mut Draft<'_, M, P, B>,
+pub fn load<T: Link, const M: usize, const P: usize, const B: usize, const K: usize>(
+    draft: &mut Draft<'_, M, P, B, K>,
     pieces: &mut Pieces<'_, T>,
     length: u32,
 ) -> Result<(), BankError> {
@@ -58,8 +58,8 @@ pub fn load<T: Link, const M: usize, const P: usize, const B: usize>(
 }
 
 /// Tells of the running configuration what is asked; `None` for a request about something else.
-pub fn running<const M: usize, const P: usize, const B: usize>(
-    config: &Config<M, P, B>,
+pub fn running<const M: usize, const P: usize, const B: usize, const K: usize>(
+    config: &Config<M, P, B, K>,
     request: &Request,
 ) -> Option<Response> {
     Some(match request {
@@ -79,8 +79,8 @@ pub fn running<const M: usize, const P: usize, const B: usize>(
 ///
 /// # Errors
 /// [`Reason::Place`] with the one that it lacks.
-pub fn find_pixel<const M: usize, const P: usize, const B: usize>(
-    config: &Config<M, P, B>,
+pub fn find_pixel<const M: usize, const P: usize, const B: usize, const K: usize>(
+    config: &Config<M, P, B, K>,
     row: u16,
     column: u16,
 ) -> Result<(), Reason> {
@@ -106,8 +106,8 @@ pub fn raw_pixels(pixels: &[u16]) -> heapless::Vec<u8, PIECE> {
 ///
 /// # Errors
 /// If the link has ended.
-pub fn read_back<T: Link, const M: usize, const P: usize, const B: usize>(
-    config: &Config<M, P, B>,
+pub fn read_back<T: Link, const M: usize, const P: usize, const B: usize, const K: usize>(
+    config: &Config<M, P, B, K>,
     out: &mut Outbox<'_, T>,
     offset: u32,
     bytes: u32,
@@ -141,9 +141,9 @@ pub fn read_back<T: Link, const M: usize, const P: usize, const B: usize>(
 
 /// Stores, or loads what is stored into the other bank; `None` for a request about something else.
 /// `may_store`: the mode allows it.
-pub fn stored<F: NorFlash, const M: usize, const P: usize, const B: usize>(
+pub fn stored<F: NorFlash, const M: usize, const P: usize, const B: usize, const K: usize>(
     flash: Option<F>,
-    banks: &mut Banks<'_, M, P, B>,
+    banks: &mut Banks<'_, M, P, B, K>,
     request: &Request,
     serials: Result<Serials, Reason>,
 ) -> Option<Response> {

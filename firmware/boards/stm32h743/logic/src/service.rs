@@ -176,7 +176,7 @@ impl<'q, const M: usize, const P: usize, const B: usize> Service<'q, M, P, B> {
     fn answer<T: Board>(&mut self, board: &mut T, request: Message<Request>) -> Left<T::Error> {
         let mut out = Outbox { port: board, sequence: request.sequence };
         match request.body {
-            Request::Identify => out.send(Response::Identity(identity::<M, P, B>(self.name)))?,
+            Request::Identify => out.send(Response::Identity(identity::<M, P, B, 0>(self.name)))?,
             Request::Load { bytes } => {
                 let mut pieces = Pieces::new(out.port, &mut self.receiver, bytes);
                 let loaded = match &mut self.draft {
