@@ -52,7 +52,7 @@ impl<const M: usize> Schedule<M> {
     /// The colour that frame `frame` lights, where the schedule does not follow another count.
     #[inline(always)]
     pub(crate) fn colour_of(&self, frame: u32) -> u8 {
-        if self.is_partial() { (frame % u32::from(self.count)) as u8 } else { 0 }
+        lit_by(frame, self.count)
     }
 
     /// Takes the colours of `spec`, which were checked.
@@ -77,8 +77,17 @@ impl<const M: usize> Schedule<M> {
     }
 }
 
-/// The colour of subaperture `i`, in cell (x, y).
-fn colour(colouring: &Colouring<'_>, i: usize, (x, y): (usize, usize)) -> u8 {
+/// The colour that frame `frame` lights, of `colours`: 0 of one or none.
+#[inline(always)]
+#[must_use]
+pub const fn lit_by(frame: u32, colours: u8) -> u8 {
+    // Below 256, as `colours` is.
+    if colours > 1 { (frame % colours as u32) as u8 } else { 0 }
+}
+
+/// The colour of subaperture `i`, in cell (x, y); 0 where a list has none.
+#[must_use]
+pub fn colour(colouring: &Colouring<'_>, i: usize, (x, y): (usize, usize)) -> u8 {
     match *colouring {
         Colouring::None => 0,
         Colouring::Lattice([a, b, c]) => {

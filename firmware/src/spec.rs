@@ -58,8 +58,8 @@ pub struct DetectorSpec {
 pub struct WindowSpec<'a> {
     /// W, pixels on a side, 4 to 32.
     pub size: u8,
-    /// Column and row of each subaperture's first pixel. Windows lie on the detector and do not
-    /// overlap.
+    /// Column and row of each subaperture's first pixel. Windows lie on the detector; those of one
+    /// colour of the schedule do not overlap, and no two are in the same place.
     pub origins: &'a [[u16; 2]],
 }
 

@@ -3,6 +3,7 @@
 use crate::centroid::{EstimatorConfig, MAX_WINDOW, MIN_WINDOW};
 use crate::control::{ControlConfig, MAX_DELAY};
 use crate::error::{ConfigError, Field, Limit};
+use crate::schedule;
 use crate::spec::{Colouring, ModalSpec, SorSpec, Spec};
 
 /// Capacities, detector and windows' size.
@@ -60,26 +61,32 @@ pub(crate) fn windows(spec: &Spec<'_>) -> Result<(), ConfigError> {
 /// Places of the windows of one gate.
 fn gate(spec: &Spec<'_>, field: Field, origins: &[[u16; 2]]) -> Result<(), ConfigError> {
     let size = u16::from(spec.windows.size);
-    for (i, &[x, y]) in origins.iter().enumerate() {
+    let colour = |(i, cell)| schedule::colour(&spec.schedule.colouring, i, cell);
+    let placed = || origins.iter().zip(spec.mask.cells().enumerate().map(colour));
+    for (i, (&[x, y], colour)) in placed().enumerate() {
         for (value, room) in [(x, spec.detector.width), (y, spec.detector.height)] {
             let limit = (0.0, f64::from(room) - f64::from(size));
             ConfigError::check(field, Some(i), f64::from(value), limit)?;
         }
-        if let Some(other) = overlapped(origins.iter().skip(i + 1), [x, y], size) {
-            let rule = Limit::Rule("is a window that it overlaps; windows must not overlap");
+        // What is not lit is not measured: it may share pixels with what is, but an image's windows
+        // have places of their own.
+        let clashes = |(&other, its): (&[u16; 2], u8)| {
+            other == [x, y] || (its == colour && overlap(other, [x, y], size))
+        };
+        if let Some(other) = placed().skip(i + 1).position(clashes) {
+            let rule = Limit::Rule(
+                "is a window that it overlaps; windows that are lit together must not overlap, \
+                 others not coincide",
+            );
             return Err(ConfigError::at(field, i, (i + 1 + other) as f64, rule));
         }
     }
     Ok(())
 }
 
-/// Which of the windows at `origins` the one at (x, y) overlaps.
-fn overlapped<'a>(
-    mut origins: impl Iterator<Item = &'a [u16; 2]>,
-    [x, y]: [u16; 2],
-    size: u16,
-) -> Option<usize> {
-    origins.position(|&[ox, oy]| x.abs_diff(ox) < size && y.abs_diff(oy) < size)
+/// Whether two windows share pixels.
+fn overlap([ax, ay]: [u16; 2], [bx, by]: [u16; 2], size: u16) -> bool {
+    ax.abs_diff(bx) < size && ay.abs_diff(by) < size
 }
 
 /// Places of the second gate's windows among the first's; and there is no schedule.
@@ -87,7 +94,7 @@ fn second_windows(spec: &Spec<'_>, modal: &ModalSpec<'_>) -> Result<(), ConfigEr
     gate(spec, Field::SecondOrigin, modal.origins)?;
     let (size, first) = (u16::from(spec.windows.size), spec.windows.origins);
     for (i, (&[x, y], &[x0, y0])) in modal.origins.iter().zip(first).enumerate() {
-        if let Some(other) = overlapped(first.iter(), [x, y], size) {
+        if let Some(other) = first.iter().position(|&other| overlap(other, [x, y], size)) {
             let rule = "is a window of the first gate that it overlaps; windows must not overlap";
             let rule = Limit::Rule(rule);
             return Err(ConfigError::at(Field::SecondOrigin, i, other as f64, rule));

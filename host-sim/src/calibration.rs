@@ -22,7 +22,7 @@ use splash_firmware::fixed::CENTROID_BITS;
 
 /// How far a poke moves a spot, pixels: well within the linear range of a spot two pixels wide.
 const POKE_PX: f64 = 0.25;
-/// Frames that the loop gets to settle before the dither.
+/// Frames that the loop gets to settle before the dither; cycles, with a schedule.
 const SETTLE: u32 = 20;
 /// Spots over which the sky's factor is averaged at least, with as many skies as that takes.
 const SPOTS: usize = 200;
@@ -59,6 +59,14 @@ impl SlopeCalibration {
         Self::of(Sensor::Splash, instrument, progress)
     }
 
+    /// Cycles that are run under each sky.
+    pub(crate) const CYCLES: u32 = SETTLE + 4;
+
+    /// Skies under which so many subapertures are calibrated.
+    pub(crate) const fn skies(subapertures: usize) -> usize {
+        SPOTS.div_ceil(subapertures)
+    }
+
     /// Measures that of `sensor`'s images; `progress` is told the fraction done.
     ///
     /// # Errors
@@ -75,7 +83,7 @@ impl SlopeCalibration {
             return Ok(Self::ideal(instrument, 1));
         }
         let mut slopes = Self::on_bench(sensor, instrument)?;
-        let skies = SPOTS.div_ceil(subapertures);
+        let skies = Self::skies(subapertures);
         let (mut moved, mut square) = (0.0, 0.0);
         for sky in 0..skies {
             let seed = SKY_SEED + sky as u64;
@@ -134,15 +142,16 @@ impl SlopeCalibration {
         frozen.control.delay_frames = 0;
         let reconstructor = Reconstructor::new(&frozen)?.with_slopes(self.clone());
         let mut board = in_process(&reconstructor.spec())?;
-        let run = Run { sensor, sensing: Sensing::Images, frames: SETTLE, seed, noise_free: true };
+        let frames = SETTLE * reconstructor.lighting().count();
+        let run = Run { sensor, sensing: Sensing::Images, frames, seed, noise_free: true };
         let mut closed =
             ClosedLoop::new(&frozen, &reconstructor, board.as_mut(), run, &mut |_| ())?;
-        for frame in 0..SETTLE {
-            progress(f64::from(frame) / f64::from(SETTLE + 4));
+        for frame in 0..frames {
+            progress(f64::from(frame) / f64::from(frames + 4));
             closed.step()?;
         }
         let mut bench = Bench::new(sensor, &frozen, &reconstructor, closed.atmosphere())?;
-        let settled = f64::from(SETTLE);
+        let settled = f64::from(frames);
         let columns = bench.dither(closed.mirror(), &mut |done| {
             progress((settled + 4.0 * done) / (settled + 4.0));
         })?;
@@ -184,6 +193,8 @@ struct Bench<'a> {
     sky: &'a Atmosphere,
     imager: Imager,
     board: Box<dyn Board + Send>,
+    /// Frames of a cycle.
+    frames: u32,
     poke_rad: f64,
 }
 
@@ -198,7 +209,8 @@ impl<'a> Bench<'a> {
         let imager = Imager::new(instrument, reconstructor, sensor, &pupil, sky)?;
         let board = in_process(&reconstructor.spec())?;
         let poke_rad = POKE_PX * path_m_per_px(instrument) * instrument.rad_per_m();
-        Ok(Self { sensor, pupil, sky, imager, board, poke_rad })
+        let frames = reconstructor.lighting().count();
+        Ok(Self { sensor, pupil, sky, imager, board, frames, poke_rad })
     }
 
     /// The poke that each spot shows, pixels: SPLASH does not see their mean.
@@ -243,10 +255,14 @@ impl<'a> Bench<'a> {
 
     /// The centroids with the mirror in this shape, pixels.
     fn centroids(&mut self, mirror: &Mirror) -> Result<Vec<[f64; 2]>, Error> {
-        let pixels = self.imager.expose(self.sky, 0.0, mirror, None)?;
+        let mut cycle = Vec::new();
+        for frame in 0..self.frames {
+            self.imager.light(frame);
+            cycle.push(self.imager.expose(self.sky, 0.0, mirror, None)?.to_vec());
+        }
         self.board.reset()?;
         // The moving threshold and the weight follow the frame before.
-        for frame in 0..3 {
+        for (frame, pixels) in (0..).zip(std::iter::repeat_n(&cycle, 3).flatten()) {
             self.board.frame(frame, Frame::Pixels(pixels))?;
         }
         let px = 1.0 / f64::from(1u32 << CENTROID_BITS);

@@ -1,5 +1,7 @@
 //! The command line.
 
+mod centroids;
+mod crosstalk;
 mod layers;
 mod link;
 
@@ -18,6 +20,8 @@ use splash_firmware::spec::Spec;
 use std::path::PathBuf;
 use std::time::Duration;
 
+pub use centroids::CentroidsArgs;
+pub use crosstalk::{CrosstalkArgs, Turns};
 pub use link::{Action, LinkArgs, Place};
 
 /// Simulates a SPLASH adaptive-optics system around the firmware library.
@@ -49,6 +53,10 @@ enum Command {
     Strehl(StrehlArgs),
     /// Shows what a second gate, which images the spots on their way, does for SPLASH.
     Gates(GatesArgs),
+    /// Compares centroids of images with exact gradients, with the return path corrected or not.
+    Centroids(CentroidsArgs),
+    /// Studies spots whose light falls into each other's windows, lit at once and in turn.
+    Crosstalk(CrosstalkArgs),
     /// Operates a board over its link.
     Link(LinkArgs),
     /// Makes the paper's figures, the error budget and a page that explains them.
@@ -124,7 +132,8 @@ impl PatienceArgs {
 pub struct LoopArgs {
     #[command(flatten)]
     pub(crate) run: RunArgs,
-    /// Frames left out of the averages [default: 50, or half of --frames if that is less]
+    /// Frames left out of the averages [default: 50, times the groups of a schedule, or half of --frames if
+    /// that is less]
     #[arg(long, value_name = "FRAMES", allow_negative_numbers = true)]
     pub(crate) settle: Option<u32>,
     /// The sensor
@@ -660,6 +669,8 @@ impl Cli {
             Some(Command::Theory(args)) => commands::theory::run(&args),
             Some(Command::Strehl(args)) => commands::strehl::run(&args),
             Some(Command::Gates(args)) => commands::gates::run(&args),
+            Some(Command::Centroids(args)) => commands::centroids::run(&args),
+            Some(Command::Crosstalk(args)) => commands::crosstalk::run(&args),
             Some(Command::Link(args)) => commands::link::run(&args),
             Some(Command::Reproduce(args)) => commands::reproduce::run(&args),
             Some(Command::Endure(args)) => commands::endure::run(&args),

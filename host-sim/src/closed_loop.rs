@@ -2,13 +2,15 @@
 //! codes back to the mirror.
 //!
 //! Frame k is exposed and the star observed at time k times the frame's length, with the shape
-//! that the mirror was given by the codes of frame k - 1 - L (L the configured delay).
+//! that the mirror was given by the codes of frame k - 1 - L (L the configured delay). With a schedule it
+//! shows the spots of its colour ([`crate::lighting`]), and is a sub-cycle to the firmware.
 
 use crate::atmosphere::{Atmosphere, Turbulence};
 use crate::board::{Board, Frame};
 use crate::error::{Error, refuse};
 use crate::imager::{Imager, Noise};
 use crate::instrument::Instrument;
+use crate::lighting::Lighting;
 use crate::mirror::SegmentedMirror;
 use crate::optics::geometric::{GeometricSensor, Sensor};
 use crate::optics::science::{Observation, Science};
@@ -77,11 +79,12 @@ pub struct ClosedLoop<'a> {
 /// The sensor.
 enum Eye {
     Images(Box<Imager>),
-    /// `flux` is what each measurement claims.
     Gradients {
         sensor: Box<GeometricSensor>,
         centroids: Vec<[f64; 2]>,
-        flux: u32,
+        lighting: Lighting,
+        /// What the measurement of each lit spot claims.
+        fluxes: Vec<u32>,
     },
 }
 
@@ -140,7 +143,8 @@ impl<'a> ClosedLoop<'a> {
                 sensor: GeometricSensor::new(run.sensor, &pupil, &atmosphere, height_m, scale)?
                     .into(),
                 centroids: vec![[0.0; 2]; spots],
-                flux: reconstructor.nominal_flux(),
+                lighting: reconstructor.lighting().clone(),
+                fluxes: reconstructor.nominal_fluxes(),
             },
         };
         let (sensing_m, science_m) =
@@ -175,6 +179,7 @@ impl<'a> ClosedLoop<'a> {
         let mut star = || science.observe(atmosphere, time_s, mirror);
         let (observation, report) = match eye {
             Eye::Images(imager) => {
+                imager.light(frame);
                 let noise =
                     (!run.noise_free).then_some(Noise { seed: run.seed, frame: u64::from(frame) });
                 // The star and the sensor look at the same time: one enters the pool of threads, and both
@@ -183,11 +188,12 @@ impl<'a> ClosedLoop<'a> {
                     rayon::join(star, || imager.expose(atmosphere, time_s, mirror, noise));
                 (observation, board.frame(frame, Frame::Pixels(pixels?))?)
             }
-            Eye::Gradients { sensor, centroids, flux } => {
+            Eye::Gradients { sensor, centroids, lighting, fluxes } => {
                 let observation = star();
                 sensor.centroids(atmosphere, time_s, mirror, centroids);
+                let flux = |i| if lighting.lights(frame, i) { fluxes[i] } else { 0 };
                 let measurements: Vec<Measurement> =
-                    centroids.iter().map(|c| measurement(*c, *flux)).collect();
+                    centroids.iter().enumerate().map(|(i, c)| measurement(*c, flux(i))).collect();
                 (observation, board.frame(frame, Frame::Measurements(&measurements))?)
             }
         };

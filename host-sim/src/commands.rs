@@ -1,8 +1,10 @@
 //! The commands, one a file.
 
 mod campaign;
+pub mod centroids;
 pub mod closed_loop;
 pub mod config;
+pub mod crosstalk;
 pub mod endure;
 pub mod faults;
 pub mod frames;

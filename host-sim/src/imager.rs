@@ -4,6 +4,7 @@ use crate::atmosphere::Atmosphere;
 use crate::detector::{Detector, place};
 use crate::error::Error;
 use crate::instrument::Instrument;
+use crate::lighting::Lighting;
 use crate::optics::camera::Camera;
 use crate::optics::geometric::Sensor;
 use crate::pupil::{Mirror, Pupil};
@@ -22,10 +23,13 @@ pub struct Noise {
 pub struct Imager {
     camera: Camera,
     detector: Detector,
-    /// First column and row of each window.
+    /// First column and row of the image of each spot.
     origins: Vec<[usize; 2]>,
-    /// Photo-electrons per spot and frame.
+    lighting: Lighting,
+    /// Photo-electrons of each spot that is lit.
     flux_e: f32,
+    /// Which spots are lit.
+    lit: Vec<bool>,
     images: Vec<f32>,
     expected_e: Vec<f32>,
     pixels: Vec<u16>,
@@ -43,20 +47,44 @@ impl Imager {
         pupil: &Pupil,
         atmosphere: &Atmosphere,
     ) -> Result<Self, Error> {
-        let (scale, window) = (instrument.windows.pixels_per_lambda_d, instrument.windows.size);
+        let (scale, field) = (instrument.windows.pixels_per_lambda_d, instrument.field_px());
+        // A window is in the middle of what is seen of its spot.
+        let margin = (field - instrument.windows.size) / 2;
+        let origin =
+            |window: &[u16; 2]| window.map(|first| usize::from(first).saturating_sub(margin));
         let height_m = instrument.laser.beacon_height_m;
-        let camera = Camera::new(sensor, pupil, atmosphere, height_m, scale, window)?;
+        let camera = Camera::new(sensor, pupil, atmosphere, height_m, scale, field)?;
         let detector = reconstructor.detector().clone();
         let pixels = detector.spec().width * detector.spec().height;
-        Ok(Self {
-            images: vec![0.0; camera.spots() * window * window],
+        let mut imager = Self {
+            images: vec![0.0; camera.spots() * field * field],
             camera,
             detector,
-            origins: reconstructor.origins().iter().map(|o| o.map(usize::from)).collect(),
-            flux_e: instrument.laser.electrons_per_spot as f32,
+            origins: reconstructor.origins().iter().map(origin).collect(),
+            flux_e: reconstructor.lighting().electrons(0) as f32,
+            lit: vec![true; reconstructor.lighting().colours().len()],
+            lighting: reconstructor.lighting().clone(),
             expected_e: vec![0.0; pixels],
             pixels: vec![0; pixels],
-        })
+        };
+        imager.light(0);
+        Ok(imager)
+    }
+
+    /// Lights the spots that a schedule lights in frame `frame`, until told otherwise; those of the first
+    /// frame before the first call.
+    pub fn light(&mut self, frame: u32) {
+        let Self { lighting, lit, flux_e, camera, .. } = self;
+        if lighting.count() > 1 {
+            lit.iter_mut().enumerate().for_each(|(i, lit)| *lit = lighting.lights(frame, i));
+            camera.light(lit);
+            *flux_e = lighting.electrons(frame) as f32;
+        }
+    }
+
+    /// Leaves only this part of the mirror in the return path of SPLASH's spots.
+    pub fn return_through(&mut self, part: f32) {
+        self.camera.return_through(part);
     }
 
     /// Exposes and reads a frame, ADU, row-major; without `noise`, its expectation.
@@ -70,8 +98,12 @@ impl Imager {
         mirror: &Mirror,
         noise: Option<Noise>,
     ) -> Result<&[u16], Error> {
-        let Self { camera, detector, origins, flux_e, images, expected_e, pixels } = self;
+        let Self { camera, detector, origins, flux_e, lit, images, expected_e, pixels, .. } = self;
         camera.expose(atmosphere, time_s, mirror, images);
+        let area = camera.window().pow(2);
+        for (image, _) in images.chunks_exact_mut(area).zip(lit).filter(|(_, lit)| !**lit) {
+            image.fill(0.0);
+        }
         expected_e.fill(0.0);
         place(images, *flux_e, origins, camera.window(), detector.spec().width, expected_e)?;
         match noise {

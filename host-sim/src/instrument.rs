@@ -5,16 +5,20 @@
 //! values are out of their limits.
 
 mod limits;
+mod schedule;
+mod windows;
 
 use crate::atmosphere::Layer;
 use crate::detector::BadPixel;
 use crate::error::{Error, refuse};
+use crate::optics::geometric::Sensor;
 use crate::pupil::Pupil;
 use clap::ValueEnum;
-use limits::MAX_DETECTOR_SIDE;
+pub use schedule::{Colours, Lattice, LatticeName, PowerName, ScheduleSection};
 use serde::{Deserialize, Serialize};
 use splash_firmware::geometry::Mask;
 use std::path::Path;
+pub use windows::{LayoutName, Windows};
 
 /// The default instrument, with a comment for every field.
 pub const DEFAULT_TOML: &str = include_str!("default.toml");
@@ -153,16 +157,6 @@ pub struct DetectorSection {
     pub readout_s: f64,
 }
 
-/// The windows on the detector.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-#[allow(missing_docs, reason = "documented once, in the default file that users read")]
-pub struct Windows {
-    pub size: usize,
-    pub spacing_px: usize,
-    pub pixels_per_lambda_d: f64,
-}
-
 /// The centroid's estimator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -229,15 +223,6 @@ pub struct MirrorSection {
 pub enum ResponseName {
     Linear,
     Quadratic,
-}
-
-/// Which subapertures are lit together.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-#[allow(missing_docs, reason = "documented once, in the default file that users read")]
-pub struct ScheduleSection {
-    pub lattice: Vec<u8>,
-    pub separation: f64,
 }
 
 /// What the range gate does beside opening.
@@ -424,27 +409,15 @@ impl Instrument {
         self.atmosphere.layers.iter().map(layer).collect()
     }
 
-    /// First column and row of each subaperture's window: edge to edge, or spread out with empty
-    /// pixels all around.
-    ///
-    /// # Errors
-    /// [`Error::Config`] if windows would overlap or the detector would be larger than any.
-    pub fn origins(&self) -> Result<Vec<[u16; 2]>, Error> {
-        let Windows { size, spacing_px, .. } = self.windows;
-        if spacing_px < size || self.detector_side() > MAX_DETECTOR_SIDE {
-            let limit = format!(
-                "from windows.size = {size} to {MAX_DETECTOR_SIDE} / telescope.subapertures = {}",
-                MAX_DETECTOR_SIDE / self.telescope.subapertures.max(1)
-            );
-            return Err(refuse("windows.spacing_px", spacing_px, &limit));
+    /// The same instrument with another sensor: a guide star lights all subapertures at once, each of which
+    /// makes its own image, so nothing of its images is interleaved or laid out as on the sky.
+    #[must_use]
+    pub fn seen_by(mut self, sensor: Sensor) -> Self {
+        if sensor != Sensor::Splash {
+            self.schedule = ScheduleSection::none();
+            self.windows = self.windows.relayed();
         }
-        let place = |i: usize| (i * spacing_px + (spacing_px - size) / 2) as u16;
-        Ok(self.mask()?.cells().map(|(x, y)| [place(x), place(y)]).collect())
-    }
-
-    /// Pixels on a side of the detector.
-    pub fn detector_side(&self) -> usize {
-        self.telescope.subapertures.saturating_mul(self.windows.spacing_px)
+        self
     }
 
     /// Time from one frame to the next, s.

@@ -6,6 +6,7 @@
 //! | [`pupil`], [`screen`], [`atmosphere`] | subapertures and segments, phase screens, frozen flow |
 //! | [`optics`] | images of the spots, exact gradients, the science star |
 //! | [`detector`] | electrons to ADU |
+//! | [`lighting`] | which spots are lit in a frame |
 //! | [`imager`] | optics and detector of the sensor together |
 //! | [`calibration`] | reference slopes and slope gains, from a flat mirror and pokes |
 //! | [`reconstructor`] | the firmware's configuration for an instrument |
@@ -14,6 +15,7 @@
 //! | [`mirror`] | DAC codes to the shape of the segments |
 //! | [`profile`] | what a frame costs on a board |
 //! | [`nor_flash`] | a flash device, and what a power cut does to it |
+//! | [`centroid_study`] | what estimators make of images, against exact gradients |
 //! | [`quick`] | a sky and a detector for runs of a million frames |
 //! | [`closed_loop`] | all of them, frame after frame |
 //! | [`endurance`] | a run by the million frames, and what must hold for ever |
@@ -27,6 +29,7 @@
 pub mod atmosphere;
 pub mod board;
 pub mod calibration;
+pub mod centroid_study;
 pub mod cli;
 pub mod closed_loop;
 pub mod commands;
@@ -38,6 +41,7 @@ pub mod figures;
 pub mod files;
 pub mod imager;
 pub mod instrument;
+pub mod lighting;
 pub mod link;
 pub mod mirror;
 pub mod monte_carlo;

@@ -3,7 +3,10 @@
 use crate::calibration::SlopeCalibration;
 use crate::detector::{Calibration, Detector, DetectorSpec};
 use crate::error::Error;
-use crate::instrument::{EstimatorName, Instrument, ResponseName, ShortFrameName, ThresholdName};
+use crate::instrument::{
+    Centroids, EstimatorName, Instrument, ResponseName, ShortFrameName, ThresholdName,
+};
+use crate::lighting::Lighting;
 use splash_firmware::actuators::Law;
 use splash_firmware::gate::{GateSpec, ShortFrame};
 use splash_firmware::geometry::Mask;
@@ -32,6 +35,9 @@ pub struct Reconstructor {
     noise_adu: Vec<f64>,
     bad: Vec<[u16; 2]>,
     slopes: SlopeCalibration,
+    lighting: Lighting,
+    /// Least and greatest flux of each subaperture's valid measurements, calibrated ADU.
+    flux_limits_adu: [Vec<f64>; 2],
 }
 
 /// What is known of each pixel, row-major.
@@ -80,8 +86,16 @@ impl Reconstructor {
         bad.sort_unstable_by_key(|&[x, y]| (y, x));
         bad.dedup();
         let mask = instrument.mask()?;
+        let lighting = Lighting::new(instrument)?;
+        let Centroids { flux_min, flux_max, .. } = instrument.centroids;
+        let flux_limits_adu = [flux_min, flux_max].map(|part| {
+            let limit = |electrons| part * (electrons / section.gain_e_per_adu);
+            lighting.electrons_per_spot().map(limit).collect()
+        });
         Ok(Self {
             slopes: SlopeCalibration::ideal(instrument, mask.count()),
+            flux_limits_adu,
+            lighting,
             instrument: instrument.clone(),
             mask,
             detector,
@@ -132,17 +146,22 @@ impl Reconstructor {
         &self.slopes
     }
 
-    /// The flux of a whole spot, calibrated ADU: what a measurement made without images claims.
-    pub fn nominal_flux(&self) -> u32 {
-        let Instrument { laser, detector, .. } = &self.instrument;
-        (laser.electrons_per_spot / detector.gain_e_per_adu) as u32
+    /// Which spots are lit, and with how much light.
+    pub fn lighting(&self) -> &Lighting {
+        &self.lighting
+    }
+
+    /// The flux of each whole spot in the frames that light it, calibrated ADU: what a measurement made
+    /// without images claims.
+    pub fn nominal_fluxes(&self) -> Vec<u32> {
+        let gain = self.instrument.detector.gain_e_per_adu;
+        self.lighting.electrons_per_spot().map(|electrons| (electrons / gain) as u32).collect()
     }
 
     /// The firmware's specification.
     pub fn spec(&self) -> Spec<'_> {
         let Instrument { laser, detector, windows, centroids, control, mirror, schedule, .. } =
             &self.instrument;
-        let flux_adu = laser.electrons_per_spot / detector.gain_e_per_adu;
         let side = self.instrument.detector_side() as u16;
         let (stroke_m, peak_fraction) = (mirror.stroke_m, centroids.peak_fraction);
         Spec {
@@ -179,8 +198,8 @@ impl Reconstructor {
             slopes: SlopeSpec {
                 reference_px: Map::Each(&self.slopes.reference_px),
                 gain_m_per_px: Map::Each(&self.slopes.gain_m_per_px),
-                flux_min_adu: Map::Uniform(centroids.flux_min * flux_adu),
-                flux_max_adu: Map::Uniform(centroids.flux_max * flux_adu),
+                flux_min_adu: Map::Each(&self.flux_limits_adu[0]),
+                flux_max_adu: Map::Each(&self.flux_limits_adu[1]),
                 mean: MeanSlope::Remove,
             },
             control: ControlSpec {
@@ -223,14 +242,14 @@ impl Reconstructor {
                 },
             },
             schedule: ScheduleSpec {
-                colouring: match *schedule.lattice.as_slice() {
-                    [a, b, c] => Colouring::Lattice([a, b, c]),
-                    // Checked with the description.
-                    _ => Colouring::None,
+                colouring: match schedule.lattice() {
+                    Some(lattice) => Colouring::Lattice(lattice),
+                    None if self.lighting.count() > 1 => Colouring::List(self.lighting.colours()),
+                    None => Colouring::None,
                 },
                 separation: schedule.separation,
             },
-            safety: self.safety(flux_adu),
+            safety: self.safety(),
             serials: Serials {
                 mirror: self.instrument.serials.mirror,
                 detector: self.instrument.serials.detector,
@@ -238,10 +257,12 @@ impl Reconstructor {
         }
     }
 
-    /// Limits of fluxes in ADU, where a spot nominally has `flux_adu`.
-    fn safety(&self, flux_adu: f64) -> SafetySpec {
-        let safety = &self.instrument.safety;
-        let nominal_adu = flux_adu * self.mask.count() as f64;
+    /// Limits of fluxes in ADU.
+    fn safety(&self) -> SafetySpec {
+        let Instrument { safety, detector, .. } = &self.instrument;
+        // A spot that is not lit counts with its last flux.
+        let flux_adu = |(spots, electrons)| electrons / detector.gain_e_per_adu * spots as f64;
+        let nominal_adu: f64 = self.lighting.groups().map(flux_adu).sum();
         SafetySpec {
             valid_min: safety.valid_min,
             flux_min_adu: safety.flux_min * nominal_adu,

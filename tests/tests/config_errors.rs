@@ -69,6 +69,17 @@ fn geometry() -> Vec<Case> {
         case(Field::WindowOrigin, 1.0, |s| s.origins[1] = [3, 0]).at(0),
         case(Field::WindowOrigin, 4.0, |s| s.origins[4] = [0, 3]).at(0),
         case(Field::WindowOrigin, 7.0, |s| s.origins[7] = [8, 4]).at(6),
+        // With a schedule: 2 and 0 are lit together, 1 and 0 are not but may not coincide.
+        case(Field::WindowOrigin, 2.0, |s| {
+            s.lattice = Some([2, 0, 2]);
+            s.origins[2] = [3, 0];
+        })
+        .at(0),
+        case(Field::WindowOrigin, 1.0, |s| {
+            s.lattice = Some([2, 0, 2]);
+            s.origins[1] = [0, 0];
+        })
+        .at(0),
         // Off the detector to the right and below, by one pixel and by far.
         case(Field::WindowOrigin, 13.0, |s| s.origins[3] = [13, 0]).at(3),
         case(Field::WindowOrigin, 13.0, |s| s.origins[15] = [12, 13]).at(15),

@@ -121,7 +121,8 @@ impl Campaign {
 
     /// Sky, sensing, frames and seed, in words.
     pub(super) fn conditions(&self) -> String {
-        let Conditions { frames, settle, seed, .. } = self.tasks[0].point.conditions();
+        let point = &self.tasks[0].point;
+        let (Conditions { frames, seed, .. }, settle) = (point.conditions(), point.settle());
         format!("{}, {frames} frames after {settle} to settle, seed {seed}", self.sky())
     }
 }

@@ -17,7 +17,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Frames left out of the averages unless told otherwise: at a gain of 0.5 the loop has settled.
+/// Frames left out of the averages unless told otherwise, cycles with a schedule: at a gain of 0.5 the loop has
+/// settled.
 const SETTLE: u32 = 50;
 /// Arcseconds in a radian.
 const ARCSEC: f64 = 180.0 * 3600.0 / std::f64::consts::PI;
@@ -42,23 +43,23 @@ struct LoopResult {
 /// # Errors
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &LoopArgs) -> Result<(), Error> {
-    let settle = args.settle.unwrap_or(SETTLE.min(args.run.frames / 2));
+    let sensor = args.sensor.sensor();
+    let instrument = args.run.instrument()?.seen_by(sensor);
+    let reconstructor = Reconstructor::new(&instrument)?;
+    let cycle = reconstructor.lighting().count();
+    let settle = args.settle.unwrap_or((SETTLE * cycle).min(args.run.frames / 2));
     if settle >= args.run.frames {
         let limit = format!("less than --frames = {}", args.run.frames);
         return Err(refuse("--settle", settle, &limit));
     }
-    let instrument = args.run.instrument()?;
-    let reconstructor = Reconstructor::new(&instrument)?;
     let reconstructor = match args.sensing {
-        Sensing::Images => {
-            reconstructor.with_slopes(progress::calibrate(args.sensor.sensor(), &instrument)?)
-        }
+        Sensing::Images => reconstructor.with_slopes(progress::calibrate(sensor, &instrument)?),
         Sensing::Geometric => reconstructor,
     };
     let options = args.patience.options(false);
     let mut board = args.board.open(&reconstructor.spec(), options)?;
     let run = Run {
-        sensor: args.sensor.sensor(),
+        sensor,
         sensing: args.sensing,
         frames: args.run.frames,
         seed: args.run.seed,
@@ -130,10 +131,14 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
             (
                 "frames",
                 format!(
-                    "{} at {} ms, {} to settle",
+                    "{} at {} ms, {} to settle{}",
                     result.frames,
                     1e3 * instrument.frame_s(),
-                    settle
+                    settle,
+                    match cycle {
+                        1 => String::new(),
+                        _ => format!(", spots lit in turn in {cycle} of them"),
+                    }
                 ),
             ),
             (

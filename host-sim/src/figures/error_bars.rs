@@ -17,7 +17,7 @@ pub struct Measured<'a> {
     pub name: &'a str,
     /// `#rrggbb`.
     pub colour: &'static str,
-    /// One value for each x.
+    /// One value for each x; what is not finite is left out.
     pub y: &'a [f64],
     /// The standard error of each; one that is not finite has no bar.
     pub error: &'a [f64],
@@ -44,9 +44,10 @@ pub fn error_bars(
     let mut axes = Axes::new(&layout, false);
     for &Measured { name, colour, y, error } in curves.iter().rev() {
         let stroke = Stroke::solid(colour, 1.6);
-        let points: Vec<_> = x.iter().zip(y).map(|(&x, &y)| axes.place(x, y)).collect();
+        let measured = || x.iter().zip(y).zip(error).filter(|((_, y), _)| y.is_finite());
+        let points: Vec<_> = measured().map(|((&x, &y), _)| axes.place(x, y)).collect();
         axes.canvas.curve(&points, stroke);
-        for ((&x, &y), &error) in x.iter().zip(y).zip(error) {
+        for ((&x, &y), &error) in measured() {
             axes.canvas.circle(axes.place(x, y), MARK, stroke);
             if error.is_finite() {
                 let [middle, low] = axes.place(x, y - error);

@@ -111,6 +111,8 @@ impl Instrument {
         within("detector.readout_s", detector.readout_s, 0.0, self.frame_s())?;
         within("windows.size", windows.size as f64, MIN_WINDOW as f64, MAX_WINDOW as f64)?;
         within("windows.pixels_per_lambda_d", windows.pixels_per_lambda_d, 1.0, 8.0)?;
+        // Whatever it decides on has to be sound first.
+        self.schedule.check()?;
         // The sampled pupil's image repeats itself there.
         let period_px = self.telescope.samples as f64 * windows.pixels_per_lambda_d;
         if windows.size as f64 > period_px {
@@ -160,14 +162,7 @@ impl Instrument {
     /// Schedule and safety.
     fn check_safety(&self) -> Result<(), Error> {
         let Self { schedule, safety, .. } = self;
-        match schedule.lattice.as_slice() {
-            [] => {}
-            &[a, _, c] => {
-                let colours = f64::from(a) * f64::from(c);
-                within("schedule.lattice: a c", colours, 1.0, MAX_COLOURS as f64)?;
-            }
-            other => return Err(refuse("schedule.lattice", format!("{other:?}"), "[a, b, c]")),
-        }
+        self.colours()?;
         within("schedule.separation", schedule.separation, 0.0, MAX_COLOURS as f64)?;
         within("safety.valid_min", safety.valid_min, 0.0, 1.0)?;
         within("safety.flux_min", safety.flux_min, 0.0, 1e3)?;

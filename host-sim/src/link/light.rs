@@ -136,10 +136,12 @@ impl Scene for Simulated {
             Light::Bench | Light::Sky => {
                 let time_s = f64::from(frame % SKY_FRAMES) * self.instrument.frame_s();
                 let noise = Some(Noise { seed: self.seed, frame: frame.into() });
-                let (air, imager) = match &mut self.sky {
+                let scene = match &mut self.sky {
                     Some(sky) if self.light == Light::Sky => sky,
                     _ => &mut self.bench,
                 };
+                let (air, imager) = scene;
+                imager.light(frame);
                 return imager.expose(air, time_s, &self.shape, noise);
             }
         };

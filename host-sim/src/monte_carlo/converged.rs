@@ -53,6 +53,11 @@ impl Converged {
         })
     }
 
+    /// The mirror of the last [`Converged::observe`].
+    pub fn mirror(&self) -> &Mirror {
+        &self.mirror
+    }
+
     /// The star behind the mirror that the sky of `time_s` asks for.
     ///
     /// # Panics

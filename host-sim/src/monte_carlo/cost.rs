@@ -11,7 +11,7 @@ use crate::closed_loop::Sensing;
 use crate::error::Error;
 
 /// Drawing a screen, s per texel.
-const DRAW_S: f64 = 3e-8;
+pub(crate) const DRAW_S: f64 = 3e-8;
 /// Bytes per texel of a screen while it is drawn, of its spectrum, and once it is drawn.
 const DRAWING: u64 = 24;
 const SPECTRUM: u64 = 2;
@@ -57,7 +57,16 @@ impl Cost {
                 }
                 Some(_) => (point.averaged().len(), Sensing::Geometric),
             };
-            frames as f64 * scale * frame_s(case.comparator, sensing, n)
+            let frame_s = match (case.comparator, sensing) {
+                (Comparator::Splash, Sensing::Images) => {
+                    // The star is looked at in every frame, each spot once in a cycle.
+                    let star_s = frame_s(Comparator::Fit, sensing, n);
+                    let spots_s = frame_s(case.comparator, sensing, n) - star_s;
+                    star_s + spots_s / f64::from(point.cycle())
+                }
+                (comparator, sensing) => frame_s(comparator, sensing, n),
+            };
+            frames as f64 * scale * frame_s
         };
         let loops = cases.iter().map(one);
         let detector = instrument.detector_side() as u64;
@@ -82,7 +91,7 @@ impl Cost {
 
 /// A frame with 8 samples per subaperture, s on one core: the time at N = 8 and the power of N with which it
 /// grows, both measured at N = 8 and 32.
-fn frame_s(comparator: Comparator, sensing: Sensing, n: f64) -> f64 {
+pub(crate) fn frame_s(comparator: Comparator, sensing: Sensing, n: f64) -> f64 {
     let (at_8, power) = match (comparator, sensing) {
         (Comparator::Fit, _) => (1.5e-4, 2.0),
         (Comparator::Splash, Sensing::Images) => (1.6e-3, 3.2),

@@ -1,12 +1,13 @@
 //! A loop of exact gradients in double precision: no images, no detector, no rounding, no limits.
 //!
-//! It has the firmware's law ([`super::slope_control`]) and reaches pupils that the firmware does not. Tips and tilts
-//! are phases from centre to edge: a centroid of one pixel of lambda/(p d) is pi/p of it.
+//! It has the firmware's law ([`super::slope_control`]), its sub-cycles too, and reaches pupils that the firmware does
+//! not. Tips and tilts are phases from centre to edge: a centroid of one pixel of lambda/(p d) is pi/p of it.
 
 use super::slope_control::{SlopeControl, Tilts, remove_mean};
 use crate::atmosphere::Atmosphere;
 use crate::error::Error;
 use crate::instrument::Instrument;
+use crate::lighting::Lighting;
 use crate::optics::geometric::{GeometricSensor, Sensor};
 use crate::optics::science::{Observation, Science};
 use crate::pupil::Pupil;
@@ -19,6 +20,8 @@ pub struct GradientLoop {
     control: SlopeControl,
     rad_per_px: f64,
     slopes: Tilts,
+    lighting: Lighting,
+    frame: u32,
 }
 
 impl GradientLoop {
@@ -42,6 +45,8 @@ impl GradientLoop {
             control: SlopeControl::new(pupil, law, control.gain, control.delay_frames),
             rad_per_px: std::f64::consts::PI / scale,
             slopes: vec![[0.0; 2]; pupil.subapertures().len()],
+            lighting: Lighting::on(&instrument.clone().seen_by(sensor), pupil)?,
+            frame: 0,
         })
     }
 
@@ -58,9 +63,15 @@ impl GradientLoop {
         let mirror = self.control.mirror();
         let observation = observe.then(|| self.science.observe(atmosphere, time_s, mirror));
         self.sensor.centroids(atmosphere, time_s, mirror, &mut self.slopes);
-        remove_mean(&mut self.slopes);
         self.slopes.as_flattened_mut().iter_mut().for_each(|slope| *slope *= self.rad_per_px);
-        self.control.step(&mut self.slopes, &mut []);
+        if self.lighting.count() == 1 {
+            remove_mean(&mut self.slopes);
+            self.control.step(&mut self.slopes, &mut []);
+        } else {
+            let lit = |i| self.lighting.lights(self.frame, i);
+            self.control.step_part(&self.slopes, lit);
+        }
+        self.frame = self.frame.wrapping_add(1);
         observation
     }
 }

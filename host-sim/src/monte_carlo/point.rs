@@ -10,6 +10,7 @@ use crate::calibration::SlopeCalibration;
 use crate::closed_loop::{ClosedLoop, Run, Sensing};
 use crate::error::{Error, refuse};
 use crate::instrument::{Instrument, PupilName, PupilShape};
+use crate::lighting::Lighting;
 use crate::optics::geometric::{Effects, Sensor};
 use crate::optics::science::{Observation, Science};
 use crate::optics::segment_fit::SegmentFit;
@@ -27,7 +28,7 @@ pub struct Conditions {
     pub sensing: Sensing,
     /// Detector without noise.
     pub noise_free: bool,
-    /// Frames that each loop gets to close.
+    /// Frames that each loop gets to close; cycles, if SPLASH's spots are lit in turn.
     pub settle: u32,
     /// Frames after these, which are averaged.
     pub frames: u32,
@@ -50,6 +51,8 @@ pub struct Point {
     instrument: Instrument,
     pupil: Pupil,
     conditions: Conditions,
+    /// Frames in which SPLASH's spots are all lit once.
+    cycle: u32,
 }
 
 impl Point {
@@ -78,7 +81,8 @@ impl Point {
             instrument = instrument.noise_free();
         }
         let pupil = pupil(&instrument)?;
-        Ok(Self { instrument, pupil, conditions })
+        let cycle = Lighting::on(&instrument, &pupil)?.count();
+        Ok(Self { instrument, pupil, conditions, cycle })
     }
 
     /// Subapertures across the pupil.
@@ -101,14 +105,24 @@ impl Point {
         self.conditions
     }
 
+    /// Frames that each loop gets to close: so many cycles, if spots are lit in turn.
+    pub fn settle(&self) -> u32 {
+        self.conditions.settle * self.cycle
+    }
+
+    /// Frames in which SPLASH's spots are all lit once.
+    pub fn cycle(&self) -> u32 {
+        self.cycle
+    }
+
     /// Frames in all.
     pub fn frames(&self) -> u32 {
-        self.conditions.settle + self.conditions.frames
+        self.settle() + self.conditions.frames
     }
 
     /// The frames that are averaged; under a sky that stands still and has been corrected, one is like any other.
     pub fn averaged(&self) -> Range<u32> {
-        let settle = self.conditions.settle;
+        let settle = self.settle();
         settle..if self.still() { settle + 1 } else { self.frames() }
     }
 
@@ -175,24 +189,28 @@ impl Point {
         match until {
             None if sensing == Sensing::Images => Some(Eye::Images { comparator, noise_free }),
             Some(Step::Images) => Some(Eye::Images { comparator, noise_free: true }),
-            Some(Step::Quantisation) => Some(Eye::Gradients),
+            Some(Step::Quantisation) => Some(Eye::Gradients { comparator }),
             _ => None,
         }
     }
 
     fn instrument_of(&self, eye: Eye) -> Instrument {
-        match eye {
+        let (Eye::Gradients { comparator } | Eye::Images { comparator, .. }) = eye;
+        let instrument = match eye {
             Eye::Images { noise_free: true, .. } => self.instrument.clone().noise_free(),
             _ => self.instrument.clone(),
-        }
+        };
+        comparator.sensor().map_or(instrument.clone(), |sensor| instrument.seen_by(sensor))
     }
 }
 
 /// What the firmware is given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Eye {
-    /// Exact gradients: the ideal calibration is every sensor's.
-    Gradients,
+    /// Exact gradients, with the ideal calibration.
+    Gradients {
+        comparator: Comparator,
+    },
     Images {
         comparator: Comparator,
         noise_free: bool,
@@ -277,7 +295,7 @@ impl Prepared<'_> {
         let mut board = in_process(&reconstructor.spec())?;
         let frames = self.point.frames();
         let (sensing, noise_free) = match eye {
-            Eye::Gradients => (Sensing::Geometric, true),
+            Eye::Gradients { .. } => (Sensing::Geometric, true),
             Eye::Images { noise_free, .. } => (Sensing::Images, noise_free),
         };
         let run = Run { sensor, sensing, frames, seed, noise_free };
@@ -286,7 +304,7 @@ impl Prepared<'_> {
         let mut sum = Sum::default();
         for frame in 0..frames {
             let observation = closed.step()?.observation;
-            if frame >= self.point.conditions.settle {
+            if frame >= self.point.settle() {
                 sum.add(&observation);
             }
         }
@@ -312,12 +330,12 @@ impl Prepared<'_> {
 
     /// With exact gradients in double precision.
     fn gradients(&self, sensor: Sensor, atmosphere: &Atmosphere) -> Result<Outcome, Error> {
-        let Point { instrument, pupil, conditions } = self.point;
+        let Point { instrument, pupil, .. } = self.point;
         let mut closed = GradientLoop::new(instrument, pupil, atmosphere, sensor)?;
         let mut sum = Sum::default();
         for frame in 0..self.point.frames() {
             let time_s = f64::from(frame) * instrument.frame_s();
-            let observation = closed.step(atmosphere, time_s, frame >= conditions.settle);
+            let observation = closed.step(atmosphere, time_s, frame >= self.point.settle());
             observation.iter().for_each(|observation| sum.add(observation));
         }
         Ok(sum.mean())
@@ -363,7 +381,7 @@ impl Sum {
 }
 
 /// The seed of a screen: screens of other numbers, pupils and runs have nothing in common.
-pub(super) fn screen_seed(seed: u64, n: usize, screen: u32) -> u64 {
+pub(crate) fn screen_seed(seed: u64, n: usize, screen: u32) -> u64 {
     let mut hash = Sha256::new();
     hash.update(seed.to_le_bytes());
     hash.update((n as u64).to_le_bytes());

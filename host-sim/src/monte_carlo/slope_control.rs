@@ -24,6 +24,8 @@ pub struct SlopeControl {
     pending: VecDeque<Tilts>,
     wanted: Tilts,
     mirror: Mirror,
+    /// s + c_applied of each subaperture as it was last lit, with a schedule.
+    open_loop: Vec<Option<[f64; 2]>>,
 }
 
 impl SlopeControl {
@@ -38,6 +40,7 @@ impl SlopeControl {
             pending: vec![flat.clone(); usize::from(delay_frames)].into(),
             commands: flat.clone(),
             applied: flat.clone(),
+            open_loop: vec![None; flat.len()],
             wanted: flat,
         }
     }
@@ -72,6 +75,38 @@ impl SlopeControl {
             }
         }
         remove_mean(&mut self.commands);
+        self.show();
+    }
+
+    /// Moves the segments that a sub-cycle has lit, after their slopes; the mean of s + c_applied is that of everyone's
+    /// latest, as in the firmware.
+    ///
+    /// # Panics
+    /// If there is not one slope for each segment.
+    pub fn step_part(&mut self, slopes: &[[f64; 2]], lit: impl Fn(usize) -> bool) {
+        for (i, ([x, y], [tip, tilt])) in slopes.iter().zip(&self.applied).enumerate() {
+            if lit(i) {
+                self.open_loop[i] = Some([x + tip, y + tilt]);
+            }
+        }
+        let known: Tilts = self.open_loop.iter().flatten().copied().collect();
+        let mean = |axis: usize| known.iter().map(|x| x[axis]).sum::<f64>() / known.len() as f64;
+        let mean = [mean(0), mean(1)];
+        let less = |x: &Option<[f64; 2]>| x.map_or([0.0; 2], |[x, y]| [x - mean[0], y - mean[1]]);
+        let open_loop: Tilts = self.open_loop.iter().map(less).collect();
+        self.law.commands(&open_loop, &[], &mut self.wanted);
+        for (i, (command, wanted)) in self.commands.iter_mut().zip(&self.wanted).enumerate() {
+            if lit(i) {
+                for axis in 0..2 {
+                    command[axis] += self.gain * (wanted[axis] - command[axis]);
+                }
+            }
+        }
+        self.show();
+    }
+
+    /// Gives the mirror the command whose time has come.
+    fn show(&mut self) {
         self.pending.push_back(self.commands.clone());
         if let Some(next) = self.pending.pop_front() {
             self.applied = next;

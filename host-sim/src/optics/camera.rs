@@ -60,6 +60,23 @@ impl Camera {
         }
     }
 
+    /// Whose images to make, one a spot; the others are left as they are. All, until told otherwise; those of
+    /// a guide star are made at once.
+    pub fn light(&mut self, lit: &[bool]) {
+        match self {
+            Self::Splash(camera) => camera.light(lit),
+            Self::Subapertures(_) => {}
+        }
+    }
+
+    /// See [`SplashCamera::return_through`]; light of guide stars comes in by one way only.
+    pub fn return_through(&mut self, part: f32) {
+        match self {
+            Self::Splash(camera) => camera.return_through(part),
+            Self::Subapertures(_) => {}
+        }
+    }
+
     /// The images, `[subaperture][row][column]`, as fractions of each subaperture's light.
     ///
     /// # Panics

@@ -33,10 +33,15 @@ pub struct SplashCamera {
     mask: Vec<f32>,
     sampler: PhaseSampler,
     footprint: Footprint,
+    /// Whose images are made; all, if it is empty.
+    lit: Vec<bool>,
     /// Phase of the layers at the ground less the mirror's: `[row][col]`, and in lanes.
     ground: Vec<f32>,
     mirror: Vec<f32>,
     common: Vec<f32>,
+    /// Part of the mirror that is in the return path; where it is not all, `common` of that path.
+    returned: f32,
+    common_back: Vec<f32>,
     high: Vec<High>,
     scratch: Vec<Mutex<Scratch>>,
 }
@@ -92,9 +97,12 @@ impl SplashCamera {
             mask,
             sampler: PhaseSampler::default(),
             footprint: Footprint::default(),
+            lit: vec![],
             ground: vec![0.0; side * side],
             mirror: vec![0.0; side * side],
             common: vec![0.0; lanes],
+            returned: 1.0,
+            common_back: vec![],
             high: vec![],
             scratch: vec![],
         })
@@ -110,8 +118,20 @@ impl SplashCamera {
         self.pupil.subapertures().len()
     }
 
+    /// Makes the images of these spots only, from now on: `lit` has one entry per spot.
+    pub fn light(&mut self, lit: &[bool]) {
+        self.lit.clear();
+        self.lit.extend_from_slice(lit);
+    }
+
+    /// Leaves only this part of the mirror's phase in the return path: 0 for a sensor that looks past the
+    /// mirror, 1 unless told otherwise.
+    pub fn return_through(&mut self, part: f32) {
+        self.returned = part;
+    }
+
     /// The images at `time_s` with `mirror` in the pupil on both paths: `[spot][row][column]`,
-    /// the fraction of that spot's light that falls on each pixel. The same to the bit for any
+    /// the fraction of that spot's light that falls on each pixel; what is not lit is left alone. The same to the bit for any
     /// number of threads.
     ///
     /// # Panics
@@ -142,12 +162,15 @@ impl SplashCamera {
         // With all turbulence at the ground every spot is seen through the same wavefront.
         let shared = self.high.is_empty().then(|| {
             let mut scratch = self.scratch[0].lock().unwrap_or_else(PoisonError::into_inner);
-            arch.dispatch(Down { camera: self, path: &self.path(&[]), scratch: &mut scratch });
+            arch.dispatch(Down { camera: self, path: &self.path_back(&[]), scratch: &mut scratch });
             scratch.down.clone()
         });
         let camera = &*self;
-        images.par_chunks_exact_mut(pixels).zip(camera.pupil.subapertures()).for_each(
-            |(image, &subaperture)| {
+        images.par_chunks_exact_mut(pixels).zip(camera.pupil.subapertures()).enumerate().for_each(
+            |(spot, (image, &subaperture))| {
+                if camera.lit.get(spot) == Some(&false) {
+                    return;
+                }
                 let thread = rayon::current_thread_index().unwrap_or(0);
                 let mut scratch =
                     camera.scratch[thread].lock().unwrap_or_else(PoisonError::into_inner);
@@ -156,7 +179,10 @@ impl SplashCamera {
                 let path = camera.path(&high);
                 match &shared {
                     Some(down) => scratch.down.clone_from(down),
-                    None => arch.dispatch(Down { camera, path: &path, scratch }),
+                    None => {
+                        let path = &camera.path_back(&high);
+                        arch.dispatch(Down { camera, path, scratch });
+                    }
                 }
                 arch.dispatch(Spot { camera, path: &path, subaperture, scratch, image });
             },
@@ -167,12 +193,25 @@ impl SplashCamera {
         PathPhase { common: &self.common, mask: &self.mask, side: self.pupil.side(), high }
     }
 
+    /// [`SplashCamera::path`] on the way back.
+    fn path_back<'a>(&'a self, high: &'a [HighLayer<'a>]) -> PathPhase<'a> {
+        let whole = self.returned == 1.0;
+        let common = if whole { &self.common } else { &self.common_back };
+        PathPhase { common, ..self.path(high) }
+    }
+
     /// Phase that all spots share: layers at the ground, less the mirror.
     fn prepare_common(&mut self, atmosphere: &Atmosphere, time_s: f64, mirror: &Mirror) {
         let (pupil, ground) = (&self.pupil, &mut self.ground);
         let at_ground = |height_m| height_m == 0.0;
         self.sampler.sample_layers(Path::Star, pupil, atmosphere, time_s, at_ground, ground);
         mirror.phase(pupil, &mut self.mirror);
+        if self.returned != 1.0 {
+            let pairs = ground.iter().zip(&self.mirror);
+            let back: Vec<f32> = pairs.map(|(g, mirror)| g - self.returned * mirror).collect();
+            self.common_back.resize(self.common.len(), 0.0);
+            to_lanes(&back, pupil.side(), &mut self.common_back);
+        }
         for (phase, mirror) in ground.iter_mut().zip(&self.mirror) {
             *phase -= mirror;
         }

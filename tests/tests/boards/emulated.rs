@@ -60,8 +60,8 @@ fn closed(
     (digest.hex(), closed.board().totals())
 }
 
-fn closes_the_loop(open: Open, frames: u32) {
-    let description = Description::standard().expect("default");
+fn closes_the_loop(open: Open, toml: &str, frames: u32) {
+    let description = Description::parse(toml, "test").expect("a description");
     let slopes = SlopeCalibration::measure(&description, &mut |_| ()).expect("calibration");
     let reconstructor = Reconstructor::new(&description).expect("default").with_slopes(slopes);
     let spec = reconstructor.spec();
@@ -131,12 +131,25 @@ fn every_stage_gives_the_same_bits_on_ibex() {
 
 #[test]
 fn qemu_closes_the_loop_as_the_host_does() {
-    closes_the_loop(qemu::open, 200);
+    closes_the_loop(qemu::open, "", 200);
 }
 
 #[test]
 fn ibex_closes_the_loop_as_the_host_does() {
-    closes_the_loop(ibex::open, 20);
+    closes_the_loop(ibex::open, "", 20);
+}
+
+/// Five groups of spots, a group a frame.
+const INTERLEAVED: &str = "[schedule]\nlattice = \"sqrt5\"";
+
+#[test]
+fn qemu_lights_spots_in_turn_as_the_host_does() {
+    closes_the_loop(qemu::open, INTERLEAVED, 10);
+}
+
+#[test]
+fn ibex_lights_spots_in_turn_as_the_host_does() {
+    closes_the_loop(ibex::open, INTERLEAVED, 10);
 }
 
 fn does_with_bad_frames_what_the_host_does(open: Open, name: &str) {

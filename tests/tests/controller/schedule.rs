@@ -2,6 +2,7 @@
 
 use super::*;
 use splash_firmware::pipeline::Pipeline;
+use splash_firmware::spec::Estimator;
 use splash_tests::instrument::run_frame;
 
 const LATTICE: [u8; 3] = [2, 0, 2];
@@ -165,5 +166,41 @@ fn one_colour_is_no_schedule() {
             (run_frame(&mut p, &a, number, &pixels), run_frame(&mut q, &b, number, &pixels));
         assert_eq!(reports.0, reports.1);
         assert_eq!(p.codes(), q.codes());
+    }
+}
+
+/// Windows of 4 pixels, 3 apart, share pixels with their neighbours, of other colours: each that is lit has
+/// the centre of gravity of its own 4 x 4 pixels.
+#[test]
+fn windows_of_other_colours_may_overlap() {
+    let mut instrument = interleaved();
+    instrument.origins =
+        instrument.mask.cells().map(|(x, y)| [3 * x as u16, 3 * y as u16]).collect();
+    instrument.estimator = Estimator::CentreOfGravity;
+    instrument.dark_adu = Values::Uniform(0.0);
+    instrument.threshold_sigma = 0.0;
+    let config: Box<SmallConfig> = instrument.config();
+    let mut pipeline = Box::new(Pipeline::<CELLS, 0>::new());
+    let mut rng = splash_tests::frames::Rng::new(7);
+    for number in 0..4 {
+        let pixels: Vec<u16> = (0..256).map(|_| rng.below(4096) as u16).collect();
+        let report = run_frame(&mut pipeline, &config, number, &pixels);
+        assert_eq!((report.outcome, report.valid), (Outcome::Updated, 4));
+        for i in (0..SUBAPERTURES).filter(|&i| colour(i) == number as usize % 4) {
+            let [x0, y0] = instrument.origins[i].map(usize::from);
+            let mut sums = [0.0; 3];
+            for (x, y) in (0..16).map(|k| (k % 4, k / 4)) {
+                let value = f64::from(pixels[(y0 + y) * 16 + x0 + x]);
+                let moments = [value, value * (x as f64 - 1.5), value * (y as f64 - 1.5)];
+                sums.iter_mut().zip(moments).for_each(|(sum, moment)| *sum += moment);
+            }
+            let [flux, x, y] = sums;
+            let found = pipeline.measurements()[i];
+            assert_eq!(f64::from(found.flux), flux);
+            for (found, expected) in found.centroid_q16.iter().zip([x / flux, y / flux]) {
+                // Rounded once.
+                assert!((f64::from(*found) / 65536.0 - expected).abs() < 1.0 / 65536.0, "{i}");
+            }
+        }
     }
 }

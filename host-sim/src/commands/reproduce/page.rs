@@ -411,7 +411,7 @@ and 12.</li>\n</ul>\n";
 fn parameters(data: &Data<'_>) -> Result<String, Error> {
     let point = &data.campaign.tasks[0].point;
     let instrument = point.instrument();
-    let Conditions { settle, frames, seed, .. } = point.conditions();
+    let (Conditions { frames, seed, .. }, settle) = (point.conditions(), point.settle());
     let across: Vec<String> = data.campaign.tasks.iter().map(|t| t.point.n().to_string()).collect();
     let total: f64 = instrument.atmosphere.layers.iter().map(|layer| layer.weight).sum();
     let layers = instrument.atmosphere.layers.iter().map(|layer| {
