@@ -138,6 +138,7 @@ impl<'a> ClosedLoop<'a> {
             ),
             Sensing::Geometric => Eye::Gradients {
                 sensor: GeometricSensor::new(run.sensor, &pupil, &atmosphere, height_m, scale)?
+                    .with_launch(instrument.launch())
                     .into(),
                 centroids: vec![[0.0; 2]; spots],
                 flux: reconstructor.nominal_flux(),
@@ -240,7 +241,8 @@ impl<'a> ClosedLoop<'a> {
         let scale = instrument.windows.pixels_per_lambda_d;
         let height_m = instrument.laser.beacon_height_m;
         let sensor = self.run.sensor;
-        let sensor = GeometricSensor::new(sensor, &self.pupil, &self.atmosphere, height_m, scale)?;
+        let sensor = GeometricSensor::new(sensor, &self.pupil, &self.atmosphere, height_m, scale)?
+            .with_launch(instrument.launch());
         Ok(TruthSensor { sensor, centroids: vec![[0.0; 2]; self.pupil.subapertures().len()] })
     }
 

@@ -45,7 +45,8 @@ impl Imager {
     ) -> Result<Self, Error> {
         let (scale, window) = (instrument.windows.pixels_per_lambda_d, instrument.windows.size);
         let height_m = instrument.laser.beacon_height_m;
-        let camera = Camera::new(sensor, pupil, atmosphere, height_m, scale, window)?;
+        let camera = Camera::new(sensor, pupil, atmosphere, height_m, scale, window)?
+            .with_launch(instrument.launch());
         let detector = reconstructor.detector().clone();
         let pixels = detector.spec().width * detector.spec().height;
         Ok(Self {

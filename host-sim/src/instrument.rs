@@ -9,6 +9,7 @@ mod limits;
 use crate::atmosphere::Layer;
 use crate::detector::BadPixel;
 use crate::error::{Error, refuse};
+use crate::optics::launch::Launch;
 use crate::pupil::Pupil;
 use clap::ValueEnum;
 use limits::MAX_DETECTOR_SIDE;
@@ -106,6 +107,17 @@ pub struct Laser {
     pub pulse_rate_hz: f64,
     pub pulses_per_frame: u32,
     pub electrons_per_spot: f64,
+    pub launch: LaunchName,
+    pub launch_waist_pitches: f64,
+}
+
+/// Intensity over a subaperture of the beam launched through it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum LaunchName {
+    Uniform,
+    Gaussian,
 }
 
 /// The science camera.
@@ -403,6 +415,16 @@ impl Instrument {
     /// Pixels on a side of the detector.
     pub fn detector_side(&self) -> usize {
         self.telescope.subapertures.saturating_mul(self.windows.spacing_px)
+    }
+
+    /// The beams launched through the subapertures.
+    pub fn launch(&self) -> Launch {
+        match self.laser.launch {
+            LaunchName::Uniform => Launch::Uniform,
+            LaunchName::Gaussian => {
+                Launch::Gaussian { waist_pitches: self.laser.launch_waist_pitches }
+            }
+        }
     }
 
     /// Time from one frame to the next, s.

@@ -74,6 +74,8 @@ impl Instrument {
         }
         within("laser.pulses_per_frame", f64::from(laser.pulses_per_frame), 1.0, 1e6)?;
         within("laser.electrons_per_spot", laser.electrons_per_spot, 1e-3, 1e9)?;
+        // Narrower beams would be lost between two samples, wider ones are uniform.
+        within("laser.launch_waist_pitches", laser.launch_waist_pitches, 0.2, 10.0)?;
         within("science.wavelength_m", science.wavelength_m, 1e-7, 1e-4)
     }
 

@@ -48,7 +48,8 @@ impl GradientLoop {
         let height_m = laser.beacon_height_m;
         let flat = vec![[0.0; 2]; pupil.subapertures().len()];
         Ok(Self {
-            sensor: GeometricSensor::new(sensor, pupil, atmosphere, height_m, scale)?,
+            sensor: GeometricSensor::new(sensor, pupil, atmosphere, height_m, scale)?
+                .with_launch(instrument.launch()),
             science: Science::new(pupil, atmosphere, laser.wavelength_m, science.wavelength_m)?,
             pistons: Pistons::new(pupil),
             gain: control.gain,

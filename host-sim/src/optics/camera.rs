@@ -2,6 +2,7 @@
 
 use super::OpticsError;
 use super::geometric::Sensor;
+use super::launch::Launch;
 use super::splash_image::SplashCamera;
 use super::subaperture_image::SubapertureCamera;
 use crate::atmosphere::Atmosphere;
@@ -42,6 +43,15 @@ impl Camera {
             Sensor::Lgs => Self::Subapertures(of_guide_star(Some(beacon_height_m))?.into()),
             Sensor::Ngs => Self::Subapertures(of_guide_star(None)?.into()),
         })
+    }
+
+    /// The same camera with beams of this shape; guide stars have none of them.
+    #[must_use]
+    pub fn with_launch(self, launch: Launch) -> Self {
+        match self {
+            Self::Splash(camera) => Self::Splash(Box::new(camera.with_launch(launch))),
+            Self::Subapertures(_) => self,
+        }
     }
 
     /// W, pixels on the side of a window.

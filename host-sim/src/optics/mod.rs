@@ -6,6 +6,7 @@
 //! | [`phase`] | the phase along the paths from a star, a laser guide star or a SPLASH spot |
 //! | [`splash_image`] | noise-free images of the spots, by wave optics |
 //! | [`subaperture_image`] | the same of a guide star, through each subaperture |
+//! | [`launch`] | the beam that is launched through a subaperture |
 //! | [`camera`] | one of the two, by sensor |
 //! | [`geometric`] | centroids as mean gradients, for SPLASH and for guide stars |
 //! | [`segment_fit`] | the mirror that leaves the least of the star's phase |
@@ -18,6 +19,7 @@ pub(crate) mod error;
 mod focal_plane;
 pub mod geometric;
 mod lane_fft;
+pub mod launch;
 pub mod long_exposure;
 mod otf;
 pub mod phase;

@@ -9,6 +9,7 @@ use super::OpticsError;
 use super::block_otf::{BlockOtf, BlockOtfScratch};
 use super::focal_plane::{FocalPlane, FocalPlaneScratch};
 use super::lane_fft::LANES;
+use super::launch::Launch;
 use super::otf::{HighLayer, Lags, PathPhase, PupilOtf, PupilOtfScratch, to_lanes};
 use super::phase::{Path, PhaseSampler, check_geometry};
 use super::sampling::{Footprint, Taps};
@@ -87,7 +88,7 @@ impl SplashCamera {
             beacon_height_m,
             window,
             pupil_otf: PupilOtf::new(pupil),
-            block_otf: BlockOtf::new(samples),
+            block_otf: BlockOtf::new(samples, Launch::Uniform),
             focal_plane,
             mask,
             sampler: PhaseSampler::default(),
@@ -98,6 +99,12 @@ impl SplashCamera {
             high: vec![],
             scratch: vec![],
         })
+    }
+
+    /// The same camera with beams of this shape: uniform ones unless this is called.
+    #[must_use]
+    pub fn with_launch(self, launch: Launch) -> Self {
+        Self { block_otf: BlockOtf::new(self.pupil.samples(), launch), ..self }
     }
 
     /// W, pixels on the side of a window.

@@ -10,6 +10,7 @@ use super::OpticsError;
 use super::block_otf::{BlockOtf, BlockOtfScratch};
 use super::focal_plane::{FocalPlane, FocalPlaneScratch};
 use super::lane_fft::LANES;
+use super::launch::Launch;
 use super::otf::{Lags, PathPhase, to_lanes};
 use super::phase::{Path, PhaseSampler, check_geometry};
 use crate::atmosphere::Atmosphere;
@@ -59,7 +60,7 @@ impl SubapertureCamera {
             path: beacon_height_m
                 .map_or(Path::Star, |height_m| Path::Beacon { height_m, position_m: [0.0; 2] }),
             window,
-            block_otf: BlockOtf::new(samples),
+            block_otf: BlockOtf::new(samples, Launch::Uniform),
             focal_plane,
             sampler: PhaseSampler::default(),
             phase: vec![0.0; side * side],
