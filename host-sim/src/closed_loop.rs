@@ -100,13 +100,13 @@ impl<'a> ClosedLoop<'a> {
         if run.frames == 0 {
             return Err(refuse("--frames", 0, "at least 1"));
         }
-        let electrons = instrument.laser.electrons_per_spot;
+        let electrons = instrument.electrons_per_spot()?;
         if !(electrons > 0.0 && electrons <= 1e9) {
             return Err(refuse("laser.electrons_per_spot", electrons, "above 0 and at most 1e9"));
         }
         let pupil = instrument.pupil()?;
         let turbulence = Turbulence::new(
-            instrument.atmosphere.r0_m,
+            instrument.r0_m(),
             &instrument.layers(),
             pupil.diameter_m(),
             pupil.pitch_m(),

@@ -46,7 +46,8 @@ impl Imager {
         let (scale, window) = (instrument.windows.pixels_per_lambda_d, instrument.windows.size);
         let height_m = instrument.laser.beacon_height_m;
         let camera = Camera::new(sensor, pupil, atmosphere, height_m, scale, window)?
-            .with_launch(instrument.launch());
+            .with_launch(instrument.launch())
+            .with_slab(instrument.slab()?, atmosphere)?;
         let detector = reconstructor.detector().clone();
         let pixels = detector.spec().width * detector.spec().height;
         Ok(Self {
@@ -54,7 +55,7 @@ impl Imager {
             camera,
             detector,
             origins: reconstructor.origins().iter().map(|o| o.map(usize::from)).collect(),
-            flux_e: instrument.laser.electrons_per_spot as f32,
+            flux_e: instrument.electrons_per_spot()? as f32,
             expected_e: vec![0.0; pixels],
             pixels: vec![0; pixels],
         })

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`instrument`] | the TOML description of an instrument |
 //! | [`pupil`], [`screen`], [`atmosphere`] | subapertures and segments, phase screens, frozen flow |
+//! | [`beacon`], [`standard_atmosphere`] | what scatters the laser's light, how much comes back |
 //! | [`optics`] | images of the spots, exact gradients, the science star |
 //! | [`detector`] | electrons to ADU |
 //! | [`imager`] | optics and detector of the sensor together |
@@ -25,6 +26,7 @@
 //! | [`cli`], [`commands`] | the command line |
 
 pub mod atmosphere;
+pub mod beacon;
 pub mod board;
 pub mod calibration;
 pub mod cli;
@@ -48,5 +50,6 @@ pub mod pupil;
 pub mod quick;
 pub mod reconstructor;
 pub mod screen;
+pub mod standard_atmosphere;
 pub mod summary;
 pub mod theory;

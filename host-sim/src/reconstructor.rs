@@ -32,6 +32,8 @@ pub struct Reconstructor {
     noise_adu: Vec<f64>,
     bad: Vec<[u16; 2]>,
     slopes: SlopeCalibration,
+    /// Calibrated ADU of a whole spot.
+    flux_adu: f64,
 }
 
 /// What is known of each pixel, row-major.
@@ -90,6 +92,7 @@ impl Reconstructor {
             gain: flat.into_iter().map(|flat| 1.0 / f64::from(flat)).collect(),
             noise_adu: sigma_adu.into_iter().map(f64::from).collect(),
             bad,
+            flux_adu: instrument.electrons_per_spot()? / section.gain_e_per_adu,
         })
     }
 
@@ -134,15 +137,14 @@ impl Reconstructor {
 
     /// The flux of a whole spot, calibrated ADU: what a measurement made without images claims.
     pub fn nominal_flux(&self) -> u32 {
-        let Instrument { laser, detector, .. } = &self.instrument;
-        (laser.electrons_per_spot / detector.gain_e_per_adu) as u32
+        self.flux_adu as u32
     }
 
     /// The firmware's specification.
     pub fn spec(&self) -> Spec<'_> {
         let Instrument { laser, detector, windows, centroids, control, mirror, schedule, .. } =
             &self.instrument;
-        let flux_adu = laser.electrons_per_spot / detector.gain_e_per_adu;
+        let flux_adu = self.flux_adu;
         let side = self.instrument.detector_side() as u16;
         let (stroke_m, peak_fraction) = (mirror.stroke_m, centroids.peak_fraction);
         Spec {

@@ -3,6 +3,7 @@
 use super::OpticsError;
 use super::geometric::Sensor;
 use super::launch::Launch;
+use super::slab::Slab;
 use super::splash_image::SplashCamera;
 use super::subaperture_image::SubapertureCamera;
 use crate::atmosphere::Atmosphere;
@@ -52,6 +53,19 @@ impl Camera {
             Self::Splash(camera) => Self::Splash(Box::new(camera.with_launch(launch))),
             Self::Subapertures(_) => self,
         }
+    }
+
+    /// The same camera with its beacon's light from this slab; a natural star has none.
+    ///
+    /// # Errors
+    /// As [`SplashCamera::with_slab`].
+    pub fn with_slab(self, slab: Slab, atmosphere: &Atmosphere) -> Result<Self, OpticsError> {
+        Ok(match self {
+            Self::Splash(camera) => Self::Splash(camera.with_slab(slab, atmosphere)?.into()),
+            Self::Subapertures(camera) => {
+                Self::Subapertures(camera.with_slab(slab, atmosphere)?.into())
+            }
+        })
     }
 
     /// W, pixels on the side of a window.

@@ -7,6 +7,7 @@
 //! | [`splash_image`] | noise-free images of the spots, by wave optics |
 //! | [`subaperture_image`] | the same of a guide star, through each subaperture |
 //! | [`launch`] | the beam that is launched through a subaperture |
+//! | [`slab`] | the depth of the beacon, in slices |
 //! | [`camera`] | one of the two, by sensor |
 //! | [`geometric`] | centroids as mean gradients, for SPLASH and for guide stars |
 //! | [`segment_fit`] | the mirror that leaves the least of the star's phase |
@@ -27,6 +28,7 @@ mod sampling;
 pub mod science;
 pub mod segment_fit;
 pub(crate) mod sincos;
+pub mod slab;
 pub mod splash_image;
 pub mod subaperture_image;
 
