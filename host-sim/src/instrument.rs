@@ -4,6 +4,7 @@
 //! merged over it, table by table, and unknown names are refused. [`Instrument::check`] says which
 //! values are out of their limits.
 
+mod beacon;
 mod limits;
 mod schedule;
 mod windows;
@@ -32,6 +33,7 @@ pub struct Instrument {
     pub atmosphere: AtmosphereSection,
     pub laser: Laser,
     pub second_gate: SecondGate,
+    pub photons: PhotonsSection,
     pub science: ScienceSection,
     pub detector: DetectorSection,
     pub windows: Windows,
@@ -85,6 +87,7 @@ pub enum PupilName {
 #[allow(missing_docs, reason = "documented once, in the default file that users read")]
 pub struct AtmosphereSection {
     pub r0_m: f64,
+    pub r0_wavelength_m: f64,
     pub layers: Vec<LayerSection>,
 }
 
@@ -107,10 +110,59 @@ pub struct Laser {
     pub wavelength_m: f64,
     pub beacon_height_m: f64,
     pub gate_depth_m: f64,
+    pub slices: usize,
+    pub scatterer: ScattererName,
     pub zenith_angle_deg: f64,
     pub pulse_rate_hz: f64,
     pub pulses_per_frame: u32,
     pub electrons_per_spot: f64,
+    pub launch: LaunchName,
+    pub launch_waist_pitches: f64,
+}
+
+/// Intensity over a subaperture of the beam launched through it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum LaunchName {
+    Uniform,
+    Gaussian,
+}
+
+/// What scatters the laser's light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum ScattererName {
+    Rayleigh,
+    Sodium,
+}
+
+/// How much of the laser's light comes back.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct PhotonsSection {
+    pub number: PhotonNumberName,
+    pub laser_power_w: f64,
+    pub launch_throughput: f64,
+    pub transmission: f64,
+    pub receive_throughput: f64,
+    pub quantum_efficiency: f64,
+    pub site_altitude_m: f64,
+    pub sodium_altitude_m: f64,
+    pub sodium_fwhm_m: f64,
+    pub sodium_atoms_per_m2: f64,
+    pub sodium_cross_section_m2: f64,
+}
+
+/// Where the number of photo-electrons comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum PhotonNumberName {
+    Given,
+    Lidar,
 }
 
 /// The second gate, and what it is combined for with the first.

@@ -188,7 +188,7 @@ impl Task {
 
     /// D / r0.
     pub(super) fn diameter_in_r0(&self) -> f64 {
-        self.point.pupil().diameter_m() / self.point.instrument().atmosphere.r0_m
+        self.point.pupil().diameter_m() / self.point.instrument().r0_m()
     }
 
     /// What a case came to under a screen; all are there once the campaign has run.

@@ -43,7 +43,7 @@ impl Converged {
         let sensor = GeometricSensor::new(sensor, pupil, atmosphere, laser.beacon_height_m, scale)?;
         let flat = Mirror::flat(pupil.subapertures().len());
         Ok(Self {
-            sensor: sensor.with_effects(effects),
+            sensor: sensor.with_effects(effects).with_launch(instrument.launch()),
             science: Science::new(pupil, atmosphere, laser.wavelength_m, science.wavelength_m)?,
             pistons: Pistons::new(pupil),
             rad_per_px: lever_arm * std::f64::consts::PI / scale,

@@ -40,7 +40,8 @@ impl GradientLoop {
         let height_m = laser.beacon_height_m;
         let law = Law::scalar(control.lever_arm);
         Ok(Self {
-            sensor: GeometricSensor::new(sensor, pupil, atmosphere, height_m, scale)?,
+            sensor: GeometricSensor::new(sensor, pupil, atmosphere, height_m, scale)?
+                .with_launch(instrument.launch()),
             science: Science::new(pupil, atmosphere, laser.wavelength_m, science.wavelength_m)?,
             control: SlopeControl::new(pupil, law, control.gain, control.delay_frames),
             rad_per_px: std::f64::consts::PI / scale,

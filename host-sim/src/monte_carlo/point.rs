@@ -157,7 +157,7 @@ impl Point {
         progress: &mut dyn FnMut(f64),
     ) -> Result<Prepared<'_>, Error> {
         let turbulence = Turbulence::new(
-            self.instrument.atmosphere.r0_m,
+            self.instrument.r0_m(),
             &self.instrument.layers(),
             self.pupil.diameter_m(),
             self.pupil.pitch_m(),

@@ -13,6 +13,7 @@
 //! beam has left there moves as its mean gradient does, in focus or not.
 
 use super::OpticsError;
+use super::launch::Launch;
 use super::phase::{Path, check_geometry};
 use super::sampling::{Footprint, Stencil};
 use crate::atmosphere::{Atmosphere, Flow};
@@ -47,9 +48,14 @@ impl Effects {
 /// The geometric model of a sensor. The gradient is averaged over the continuous wavefront: its
 /// mean over a square follows from the phase on the square's edges, its mean over the pupil from
 /// the phase on the outline of the pupil.
+///
+/// SPLASH's beams may be Gaussian: the centre of gravity of a far field is the mean of the gradient
+/// weighted by the beam's intensity. The weight is one number for each of the square's cells, as
+/// for the images; over a cell the gradient is the difference between its edges.
 pub struct GeometricSensor {
     sensor: Sensor,
     effects: Effects,
+    launch: Launch,
     pupil: Pupil,
     beacon_height_m: f64,
     /// Where the spots are imaged: at the beacon's height, or by a second gate below.
@@ -77,6 +83,16 @@ struct AxisStencils {
     lines: Vec<Stencil>,
     /// The mean over the samples of a subaperture, N.
     blocks: Vec<Stencil>,
+    /// If beams are not uniform, along which `blocks` and edges are those of the pupil only.
+    beams: Vec<Beam>,
+}
+
+/// A beam's mean over its subaperture, weighted by its intensity.
+struct Beam {
+    /// Of the phase.
+    phase: Stencil,
+    /// Of its gradient, per side of the subaperture.
+    gradient: Stencil,
 }
 
 impl GeometricSensor {
@@ -95,6 +111,7 @@ impl GeometricSensor {
         Ok(Self {
             sensor,
             effects: Effects::ALL,
+            launch: Launch::Uniform,
             pupil: pupil.clone(),
             beacon_height_m,
             gate_height_m: beacon_height_m,
@@ -127,6 +144,12 @@ impl GeometricSensor {
         Ok(Self { gate_height_m: height_m, ..self })
     }
 
+    /// The same sensor with beams of this shape; guide stars have none.
+    #[must_use]
+    pub fn with_launch(self, launch: Launch) -> Self {
+        Self { launch, ..self }
+    }
+
     /// Whether the sensor looks at each spot through the whole pupil.
     fn looks_back(&self) -> bool {
         self.sensor == Sensor::Splash && self.effects.return_path
@@ -135,7 +158,7 @@ impl GeometricSensor {
     /// Centroids [x, y] in pixels at `time_s` with `mirror` in the pupil, in the order of
     /// [`Pupil::subapertures`].
     ///
-    /// SPLASH: the mean gradient of phi_i - m over subaperture i less its mean over the pupil,
+    /// SPLASH: the mean gradient of phi_i - m over beam i less its mean over the pupil,
     /// phi_i being the phase from spot i. Guide stars: the mean gradient over the subaperture.
     /// The steps between segments carry no light and are not counted: a piston has no effect.
     ///
@@ -213,9 +236,11 @@ impl GeometricSensor {
                         |line: usize| self.footprint.integrate(&x.lines[line], &y.blocks[iy]);
                     let across_y =
                         |line: usize| self.footprint.integrate(&x.blocks[ix], &y.lines[line]);
-                    match axis {
-                        0 => across_x(ix + 1) - across_x(ix),
-                        _ => across_y(iy + 1) - across_y(iy),
+                    match (axis, x.beams.get(ix), y.beams.get(iy)) {
+                        (0, Some(x), Some(y)) => self.footprint.integrate(&x.gradient, &y.phase),
+                        (_, Some(x), Some(y)) => self.footprint.integrate(&x.phase, &y.gradient),
+                        (0, ..) => across_x(ix + 1) - across_x(ix),
+                        (_, ..) => across_y(iy + 1) - across_y(iy),
                     }
                 };
                 for axis in 0..2 {
@@ -260,7 +285,33 @@ impl GeometricSensor {
                 .collect();
             self.footprint.mean(axis, &offsets)
         });
-        AxisStencils { lines: lines.collect(), blocks: blocks.collect() }
+        let beams = if self.is_shaped() { 0..across } else { 0..0 };
+        let beams = beams.map(|block| self.beam(axis, |k| at_layer(line_m(block) + k)));
+        AxisStencils { lines: lines.collect(), blocks: blocks.collect(), beams: beams.collect() }
+    }
+
+    /// Whether there are beams that weight their subaperture.
+    fn is_shaped(&self) -> bool {
+        self.sensor == Sensor::Splash && self.launch != Launch::Uniform
+    }
+
+    /// A beam along one axis; `place` takes metres from the subaperture's edge to metres at the layer.
+    fn beam(&self, axis: usize, place: impl Fn(f64) -> f64) -> Beam {
+        let samples = self.pupil.samples();
+        let places = |from: f64, count: usize| -> Vec<f64> {
+            let pitch_m = self.pupil.sample_pitch_m();
+            (0..count).map(|k| place((k as f64 + from) * pitch_m)).collect()
+        };
+        let slopes = self.launch.intensities(samples);
+        let weights: Vec<f64> = slopes.iter().map(|slope| slope / samples as f64).collect();
+        // A cell's gradient is the difference between its edges: each edge has a cell on either side.
+        let right = slopes.iter().chain([&0.0]);
+        let left = [0.0].into_iter().chain(slopes.iter().copied());
+        let edges: Vec<f64> = left.zip(right).map(|(left, right)| left - right).collect();
+        Beam {
+            phase: self.footprint.weighted(axis, &places(0.5, samples), &weights),
+            gradient: self.footprint.weighted(axis, &places(0.0, samples + 1), &edges),
+        }
     }
 
     /// Mean gradient over the pupil in rad per subaperture: inside, the edges of neighbouring

@@ -426,7 +426,7 @@ fn parameters(data: &Data<'_>) -> Result<String, Error> {
         ["screens", &data.campaign.screens()],
         ["N", &across.join(", ")],
         ["frames of a loop", &format!("{frames} averaged after {settle} to settle")],
-        ["r0", &format!("{} m", instrument.atmosphere.r0_m)],
+        ["r0", &format!("{} m", instrument.r0_m())],
         ["subaperture", &format!("{} m", instrument.telescope.pitch_m)],
         ["turbulence", &layers],
         ["beacon", &format!("{:.0} m", instrument.laser.beacon_height_m)],
