@@ -9,6 +9,7 @@ use crate::commands;
 use crate::error::Error;
 use crate::instrument::{EstimatorName, Instrument};
 use crate::monte_carlo::comparator::Comparator;
+use crate::monte_carlo::shard::Shard;
 use crate::optics::geometric::Sensor;
 use crate::theory::{Layer, PupilRule, Reconstruction};
 use clap::builder::RangedI64ValueParser;
@@ -47,6 +48,8 @@ enum Command {
     Theory(TheoryArgs),
     /// Compares sensors over independent phase screens: the paper's Strehl ratios against D/r0.
     Strehl(StrehlArgs),
+    /// Joins the parts of a Strehl run made with --shard, finished or not.
+    Merge(MergeArgs),
     /// Operates a board over its link.
     Link(LinkArgs),
     /// Makes the paper's figures, the error budget and a page that explains them.
@@ -344,9 +347,31 @@ pub struct StrehlArgs {
     /// quantisation, images and noise, each switched on in turn under the same screens
     #[arg(long)]
     pub(crate) budget: bool,
+    /// Run one part of n, such as 2/8, for host-sim merge to join: every part has its share of the screens
+    /// of each N, and whatever the parts, the whole is the same to the last bit
+    #[arg(long, value_name = "I/N", allow_negative_numbers = true)]
+    pub(crate) shard: Option<Shard>,
     /// Start even if it takes more than a day
     #[arg(long)]
     pub(crate) long: bool,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
+/// `host-sim merge`.
+///
+/// Joins the directories of host-sim strehl --shard into one like that of a run on one machine, to the last bit.
+/// Parts may be unfinished, or going on: what is missing is counted, and means are over the screens that are
+/// there. Parts of other settings are refused. host-sim strehl with the same settings and the joined directory
+/// as --out runs what is missing.
+#[derive(Clone, Debug, Args)]
+pub struct MergeArgs {
+    /// Directories of parts
+    #[arg(required = true, value_name = "DIR")]
+    pub(crate) parts: Vec<PathBuf>,
+    /// Fail if a screen is missing, and write no results
+    #[arg(long)]
+    pub(crate) complete: bool,
     #[command(flatten)]
     pub(crate) output: OutputArgs,
 }
@@ -589,6 +614,7 @@ impl Cli {
             Some(Command::Profile(args)) => commands::profile::run(&args),
             Some(Command::Theory(args)) => commands::theory::run(&args),
             Some(Command::Strehl(args)) => commands::strehl::run(&args),
+            Some(Command::Merge(args)) => commands::merge::run(&args),
             Some(Command::Link(args)) => commands::link::run(&args),
             Some(Command::Reproduce(args)) => commands::reproduce::run(&args),
             Some(Command::Endure(args)) => commands::endure::run(&args),

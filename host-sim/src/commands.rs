@@ -7,6 +7,7 @@ pub mod endure;
 pub mod faults;
 pub mod frames;
 pub mod link;
+pub mod merge;
 mod output;
 pub mod profile;
 mod progress;

@@ -41,6 +41,8 @@
 //! | [`pistons`] | its least-squares pistons |
 //! | [`campaign`] | screens in parallel |
 //! | [`checkpoint`] | finished screens on the disk |
+//! | [`shard`] | a part of a run, for one of several machines |
+//! | [`settings`] | what a run was asked for |
 //! | [`cost`] | time and memory before a start |
 //! | [`statistics`] | means, errors and paired differences |
 
@@ -53,4 +55,6 @@ pub mod cost;
 pub mod gradient_loop;
 pub mod pistons;
 pub mod point;
+pub mod settings;
+pub mod shard;
 pub mod statistics;

@@ -173,7 +173,7 @@ fn ratios(data: &Data<'_>) -> Result<String, Error> {
     let rows: Vec<Vec<String>> = each
         .zip(&data.campaign.tasks)
         .map(|(points, task)| {
-            let mut row = vec![ratio(task), task.screens.to_string()];
+            let mut row = vec![ratio(task), task.finished.len().to_string()];
             row.extend(points.iter().map(|point| with_error(point.strehl, point.strehl_se)));
             row.extend(data.advantage(task).map(|pair| signed(pair.difference, pair.se)));
             row
