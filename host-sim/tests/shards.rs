@@ -176,7 +176,7 @@ fn parts_of_other_runs_are_refused() {
     let kept = std::fs::read_dir(at.join("two/screens")).unwrap();
     for path in kept.map(|entry| entry.unwrap().path()) {
         let text = std::fs::read_to_string(&path).unwrap();
-        let changed: String = text.lines().map(|line| format!("{line}1\n")).collect();
+        let changed: String = text.lines().map(|line| format!("{line}e-1\n")).collect();
         std::fs::write(&path, changed).unwrap();
     }
     fails("merge", at, &["one", "two"], 1, &["screen 0, fit", "two"]);
