@@ -13,5 +13,6 @@ pub mod profile;
 mod progress;
 pub mod replay;
 pub mod reproduce;
+pub mod scale;
 pub mod strehl;
 pub mod theory;

@@ -4,6 +4,7 @@ use crate::calibration::SlopeCalibration;
 use crate::detector::{Calibration, Detector, DetectorSpec};
 use crate::error::Error;
 use crate::instrument::{EstimatorName, Instrument, ResponseName, ShortFrameName, ThresholdName};
+use crate::optics::geometric::Sensor;
 use splash_firmware::actuators::Law;
 use splash_firmware::gate::{GateSpec, ShortFrame};
 use splash_firmware::geometry::Mask;
@@ -32,6 +33,8 @@ pub struct Reconstructor {
     noise_adu: Vec<f64>,
     bad: Vec<[u16; 2]>,
     slopes: SlopeCalibration,
+    /// The control law's factor: SPLASH's, if the description has it by name.
+    lever_arm: f64,
 }
 
 /// What is known of each pixel, row-major.
@@ -82,6 +85,7 @@ impl Reconstructor {
         let mask = instrument.mask()?;
         Ok(Self {
             slopes: SlopeCalibration::ideal(instrument, mask.count()),
+            lever_arm: instrument.lever_arm(Sensor::Splash)?,
             instrument: instrument.clone(),
             mask,
             detector,
@@ -185,7 +189,7 @@ impl Reconstructor {
             },
             control: ControlSpec {
                 gain: Map::Uniform(control.gain),
-                lever_arm: control.lever_arm,
+                lever_arm: self.lever_arm,
                 delay_frames: control.delay_frames,
                 global_tilt_max_age: GLOBAL_TILT_MAX_AGE,
             },

@@ -92,6 +92,20 @@ impl Campaign {
         Ok(Self { tasks, comparators, budget })
     }
 
+    /// Points with what is to be run under the screens of each, their own list of cases.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub(super) fn of_cases(
+        directory: &Path,
+        points: Vec<(Point, u32, Vec<Case>)>,
+    ) -> Result<Self, Error> {
+        let kept = output::directory(Some(&directory.join(KEPT)), "")?;
+        let open = |(point, screens, cases)| Task::open(&kept, point, screens, cases, 0..screens);
+        let tasks = points.into_iter().map(open).collect::<Result<_, _>>()?;
+        Ok(Self { tasks, comparators: Vec::new(), budget: false })
+    }
+
     /// Takes over what other runs have, which may be going on.
     ///
     /// # Errors

@@ -47,7 +47,7 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
         let limit = format!("less than --frames = {}", args.run.frames);
         return Err(refuse("--settle", settle, &limit));
     }
-    let instrument = args.run.instrument()?;
+    let instrument = args.run.instrument()?.with_lever_arm_of(args.sensor.sensor())?;
     let reconstructor = Reconstructor::new(&instrument)?;
     let reconstructor = match args.sensing {
         Sensing::Images => {

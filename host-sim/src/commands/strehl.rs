@@ -17,7 +17,7 @@ use std::time::Instant;
 
 /// Frames that a loop gets to close: at a gain of 0.5 and N/2 sweeps a frame, to 3e-4 in the Strehl
 /// ratio of any frozen screen, 5e-5 in their mean (N = 8 and 16).
-pub(super) const SETTLE: u32 = 40;
+pub(in crate::commands) const SETTLE: u32 = 40;
 /// Frames averaged under frozen screens, and under moving ones.
 pub(super) const STATIC_FRAMES: u32 = 10;
 const MOVING_FRAMES: u32 = 100;

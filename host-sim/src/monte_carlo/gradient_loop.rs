@@ -52,7 +52,7 @@ impl GradientLoop {
             science: Science::new(pupil, atmosphere, laser.wavelength_m, science.wavelength_m)?,
             pistons: Pistons::new(pupil),
             gain: control.gain,
-            lever_arm: control.lever_arm,
+            lever_arm: instrument.lever_arm(sensor)?,
             rad_per_px: std::f64::consts::PI / scale,
             mirror: Mirror::flat(flat.len()),
             pending: vec![flat.clone(); usize::from(control.delay_frames)].into(),

@@ -54,7 +54,7 @@ pub struct Point {
 
 impl Point {
     /// `n` subapertures of the description's size across the pupil: 4 to 40 with images, which the firmware
-    /// takes, 4 to 120 with gradients.
+    /// takes, 4 to 128 with gradients.
     ///
     /// # Errors
     /// [`Error::Config`] with field, value and limit.
@@ -152,12 +152,22 @@ impl Point {
         let mut eyes: Vec<Eye> = cases.iter().filter_map(|&case| self.eye(case)).collect();
         eyes.sort_unstable();
         eyes.dedup();
+        let mut sensors: Vec<Sensor> =
+            cases.iter().filter_map(|case| case.comparator.sensor()).collect();
+        sensors.sort_unstable();
+        sensors.dedup();
+        let own = |sensor: Sensor| Ok((sensor, self.instrument_for(sensor)?));
+        let instruments: Vec<_> = sensors.into_iter().map(own).collect::<Result<_, Error>>()?;
         let mut reconstructors = Vec::new();
         for (index, &eye) in eyes.iter().enumerate() {
-            let instrument = self.instrument_of(eye);
+            let (Eye::Images { comparator, .. } | Eye::Gradients { comparator }) = eye;
+            let Some(sensor) = comparator.sensor() else { continue };
+            let mut instrument = self.instrument_for(sensor)?;
+            if matches!(eye, Eye::Images { noise_free: true, .. }) {
+                instrument = instrument.noise_free();
+            }
             let mut reconstructor = Reconstructor::new(&instrument)?;
-            if let Eye::Images { comparator, .. } = eye {
-                let Some(sensor) = comparator.sensor() else { continue };
+            if matches!(eye, Eye::Images { .. }) {
                 let slopes = SlopeCalibration::of(sensor, &instrument, &mut |done| {
                     progress((index as f64 + done) / eyes.len() as f64);
                 })?;
@@ -165,7 +175,7 @@ impl Point {
             }
             reconstructors.push((eye, instrument, reconstructor));
         }
-        Ok(Prepared { point: self, turbulence, reconstructors })
+        Ok(Prepared { point: self, turbulence, instruments, reconstructors })
     }
 
     /// What the firmware is given in a case; `None` in cases without firmware.
@@ -175,24 +185,24 @@ impl Point {
         match until {
             None if sensing == Sensing::Images => Some(Eye::Images { comparator, noise_free }),
             Some(Step::Images) => Some(Eye::Images { comparator, noise_free: true }),
-            Some(Step::Quantisation) => Some(Eye::Gradients),
+            Some(Step::Quantisation) => Some(Eye::Gradients { comparator }),
             _ => None,
         }
     }
 
-    fn instrument_of(&self, eye: Eye) -> Instrument {
-        match eye {
-            Eye::Images { noise_free: true, .. } => self.instrument.clone().noise_free(),
-            _ => self.instrument.clone(),
-        }
+    /// The instrument with the control law for `sensor`.
+    fn instrument_for(&self, sensor: Sensor) -> Result<Instrument, Error> {
+        self.instrument.clone().with_lever_arm_of(sensor)
     }
 }
 
 /// What the firmware is given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Eye {
-    /// Exact gradients: the ideal calibration is every sensor's.
-    Gradients,
+    /// Exact gradients: the ideal calibration is every sensor's, the control law its own.
+    Gradients {
+        comparator: Comparator,
+    },
     Images {
         comparator: Comparator,
         noise_free: bool,
@@ -224,6 +234,8 @@ fn pupil(instrument: &Instrument) -> Result<Pupil, Error> {
 pub struct Prepared<'a> {
     point: &'a Point,
     turbulence: Turbulence,
+    /// Of each sensor, with its own control law.
+    instruments: Vec<(Sensor, Instrument)>,
     /// With the instrument that each is for.
     reconstructors: Vec<(Eye, Instrument, Reconstructor)>,
 }
@@ -244,11 +256,13 @@ impl Prepared<'_> {
     }
 
     fn case(&self, case: Case, seed: u64, atmosphere: &Arc<Atmosphere>) -> Result<Outcome, Error> {
-        let lever_arm = self.point.instrument.control.lever_arm;
         let Some(sensor) = case.comparator.sensor() else { return self.fit(atmosphere) };
         if let Some(eye) = self.point.eye(case) {
             return self.firmware(eye, sensor, seed, atmosphere);
         }
+        let found = self.instruments.iter().find(|(of, _)| *of == sensor);
+        let (_, instrument) = found.expect("prepared for this case");
+        let lever_arm = instrument.lever_arm(sensor)?;
         let cone = Effects { lever_arm: false, return_path: false };
         match case.until {
             Some(Step::Fitting) => self.fit(atmosphere),
@@ -260,7 +274,7 @@ impl Prepared<'_> {
             }
             Some(Step::ReturnPath) => self.converged(sensor, Effects::ALL, lever_arm, atmosphere),
             // What is left has exact gradients in a loop.
-            _ => self.gradients(sensor, atmosphere),
+            _ => self.gradients(instrument, sensor, atmosphere),
         }
     }
 
@@ -277,7 +291,7 @@ impl Prepared<'_> {
         let mut board = in_process(&reconstructor.spec())?;
         let frames = self.point.frames();
         let (sensing, noise_free) = match eye {
-            Eye::Gradients => (Sensing::Geometric, true),
+            Eye::Gradients { .. } => (Sensing::Geometric, true),
             Eye::Images { noise_free, .. } => (Sensing::Images, noise_free),
         };
         let run = Run { sensor, sensing, frames, seed, noise_free };
@@ -311,8 +325,13 @@ impl Prepared<'_> {
     }
 
     /// With exact gradients in double precision.
-    fn gradients(&self, sensor: Sensor, atmosphere: &Atmosphere) -> Result<Outcome, Error> {
-        let Point { instrument, pupil, conditions } = self.point;
+    fn gradients(
+        &self,
+        instrument: &Instrument,
+        sensor: Sensor,
+        atmosphere: &Atmosphere,
+    ) -> Result<Outcome, Error> {
+        let Point { pupil, conditions, .. } = self.point;
         let mut closed = GradientLoop::new(instrument, pupil, atmosphere, sensor)?;
         let mut sum = Sum::default();
         for frame in 0..self.point.frames() {

@@ -6,6 +6,7 @@ use crate::commands::strehl::budget::{BudgetResult, in_words, with_error};
 use crate::commands::strehl::results::{PairResult, StrehlResult, style};
 use crate::commands::theory::TheoryResult;
 use crate::error::Error;
+use crate::instrument::LeverArm;
 use crate::monte_carlo::budget::{Step, lever_arm_rad2};
 use crate::monte_carlo::comparator::Comparator;
 use crate::monte_carlo::point::Conditions;
@@ -302,7 +303,7 @@ fn lever_arm(data: &Data<'_>) -> String {
                    nothing moves.</p>\n"
         .to_string();
     let instrument = data.campaign.tasks[0].point.instrument();
-    let plain = instrument.control.lever_arm == 1.0;
+    let plain = instrument.control.lever_arm == LeverArm::Factor(1.0);
     let mut heads: Vec<String> = ["D/r0", "SPLASH", "LGS"].map(String::from).into();
     if plain {
         heads.push("0.134 (D/r0)^(5/3) sum w (h/H)^2".into());
