@@ -9,8 +9,9 @@ use crate::board::{self, Board, BoardError, Options};
 use crate::closed_loop::Sensing;
 use crate::commands;
 use crate::error::Error;
-use crate::instrument::{EstimatorName, Instrument};
+use crate::instrument::{EstimatorName, Instrument, LeverArm};
 use crate::monte_carlo::comparator::Comparator;
+use crate::monte_carlo::shard::Shard;
 use crate::optics::geometric::Sensor;
 use crate::theory::{Layer, PupilRule, Reconstruction};
 use clap::builder::RangedI64ValueParser;
@@ -57,6 +58,10 @@ enum Command {
     Centroids(CentroidsArgs),
     /// Studies spots whose light falls into each other's windows, lit at once and in turn.
     Crosstalk(CrosstalkArgs),
+    /// Follows sensors and control laws to extremely large telescopes, and images beside exact gradients.
+    Scale(ScaleArgs),
+    /// Joins the parts of a Strehl run made with --shard, finished or not.
+    Merge(MergeArgs),
     /// Operates a board over its link.
     Link(LinkArgs),
     /// Makes the paper's figures, the error budget and a page that explains them.
@@ -297,7 +302,7 @@ pub struct StrehlArgs {
     /// Instrument description (TOML), laid over the default one
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
-    /// Subapertures across the pupil, of the same size: 4 to 40, or to 120 with --sensing geometric
+    /// Subapertures across the pupil, of the same size: 4 to 40, or to 128 with --sensing geometric
     #[arg(
         long,
         value_name = "N",
@@ -358,6 +363,88 @@ pub struct StrehlArgs {
     /// quantisation, images and noise, each switched on in turn under the same screens
     #[arg(long)]
     pub(crate) budget: bool,
+    /// Run one part of n, such as 2/8, for host-sim merge to join: every part has its share of the screens
+    /// of each N, and whatever the parts, the whole is the same to the last bit
+    #[arg(long, value_name = "I/N", allow_negative_numbers = true)]
+    pub(crate) shard: Option<Shard>,
+    /// Start even if it takes more than a day
+    #[arg(long)]
+    pub(crate) long: bool,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
+/// `host-sim merge`.
+///
+/// Joins the directories of host-sim strehl --shard into one like that of a run on one machine, to the last bit.
+/// Parts may be unfinished, or going on: what is missing is counted, and means are over the screens that are
+/// there. Parts of other settings are refused. host-sim strehl with the same settings and the joined directory
+/// as --out runs what is missing.
+#[derive(Clone, Debug, Args)]
+pub struct MergeArgs {
+    /// Directories of parts
+    #[arg(required = true, value_name = "DIR")]
+    pub(crate) parts: Vec<PathBuf>,
+    /// Fail if a screen is missing, and write no results
+    #[arg(long)]
+    pub(crate) complete: bool,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
+/// `host-sim scale`.
+///
+/// Strehl ratio and residual variance against D/r0, under skies that stand still, with loops that have converged:
+/// SPLASH and a laser guide star with each control law, a natural guide star and the best fit by exact gradients,
+/// which need no images and reach 128 subapertures; images without noise through the firmware beside them as far
+/// as they go, and what speckle, window and threshold add there. All under the same screens: differences are
+/// paired. A screen that is finished is kept and not run again.
+#[derive(Clone, Debug, Args)]
+pub struct ScaleArgs {
+    /// Instrument description (TOML), laid over the default one; its layers are held still
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Subapertures across the pupil, of the same size, 4 to 128: by exact gradients
+    #[arg(
+        long,
+        value_name = "N",
+        default_value = "4,8,16,24,32,48,64,96,128",
+        value_delimiter = ',',
+        allow_negative_numbers = true
+    )]
+    pub(crate) n: Vec<usize>,
+    /// Of these, those with images beside them, 4 to 40; none to go without
+    #[arg(
+        long,
+        value_name = "N",
+        default_value = "8,16,32",
+        value_delimiter = ',',
+        num_args = 0..,
+        allow_negative_numbers = true
+    )]
+    pub(crate) images: Vec<usize>,
+    /// Control laws beside the description's with 1: numbers, profile or best, as lever_arm in [control]
+    #[arg(long, value_name = "F", default_value = "profile,best", value_delimiter = ',')]
+    pub(crate) lever_arm: Vec<LeverArm>,
+    /// Independent screens for each N, in place of 200 up to N = 32, 100 up to 64 and 48 beyond
+    #[arg(
+        long,
+        value_name = "SCREENS",
+        value_parser = value_parser!(u32).range(2..=10_000_000),
+        allow_negative_numbers = true
+    )]
+    pub(crate) screens: Option<u32>,
+    /// The same for images, in place of 100 up to N = 8, 50 up to 16 and 16 beyond; never more than for gradients
+    #[arg(
+        long,
+        value_name = "SCREENS",
+        value_parser = value_parser!(u32).range(2..=10_000_000),
+        allow_negative_numbers = true
+    )]
+    pub(crate) image_screens: Option<u32>,
+    /// Seed of turbulence
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub(crate) seed: u64,
     /// Start even if it takes more than a day
     #[arg(long)]
     pub(crate) long: bool,
@@ -671,6 +758,8 @@ impl Cli {
             Some(Command::Gates(args)) => commands::gates::run(&args),
             Some(Command::Centroids(args)) => commands::centroids::run(&args),
             Some(Command::Crosstalk(args)) => commands::crosstalk::run(&args),
+            Some(Command::Scale(args)) => commands::scale::run(&args),
+            Some(Command::Merge(args)) => commands::merge::run(&args),
             Some(Command::Link(args)) => commands::link::run(&args),
             Some(Command::Reproduce(args)) => commands::reproduce::run(&args),
             Some(Command::Endure(args)) => commands::endure::run(&args),

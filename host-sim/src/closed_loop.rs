@@ -31,6 +31,21 @@ pub enum Sensing {
     Geometric,
 }
 
+impl Sensing {
+    /// The name on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Images => "images",
+            Self::Geometric => "geometric",
+        }
+    }
+
+    /// The one of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        [Self::Images, Self::Geometric].into_iter().find(|sensing| sensing.name() == name)
+    }
+}
+
 /// What to run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Run {

@@ -14,6 +14,8 @@ use crate::detector::BadPixel;
 use crate::error::{Error, refuse};
 use crate::optics::geometric::Sensor;
 use crate::pupil::Pupil;
+use crate::theory;
+use crate::theory::lever_arm::{self, Beacon};
 use clap::ValueEnum;
 pub use schedule::{Colours, Lattice, LatticeName, PowerName, ScheduleSection};
 use serde::{Deserialize, Serialize};
@@ -251,9 +253,52 @@ pub enum ThresholdName {
 #[allow(missing_docs, reason = "documented once, in the default file that users read")]
 pub struct ControlSection {
     pub gain: f64,
-    pub lever_arm: f64,
+    pub lever_arm: LeverArm,
     pub delay_frames: u8,
     pub sweeps: u16,
+}
+
+/// What makes up for the lever arm: a factor, or how it follows from the turbulence profile.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = r#"must be a number, "profile" or "best""#)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum LeverArm {
+    Factor(f64),
+    Named(LeverArmName),
+}
+
+/// A lever arm that follows from the turbulence profile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum LeverArmName {
+    Profile,
+    Best,
+}
+
+impl std::str::FromStr for LeverArm {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.trim() {
+            "profile" => Ok(Self::Named(LeverArmName::Profile)),
+            "best" => Ok(Self::Named(LeverArmName::Best)),
+            number => match number.parse() {
+                Ok(factor) => Ok(Self::Factor(factor)),
+                Err(_) => Err("must be a number, profile or best".into()),
+            },
+        }
+    }
+}
+
+impl std::fmt::Display for LeverArm {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Factor(factor) => write!(f, "{factor}"),
+            Self::Named(LeverArmName::Profile) => f.write_str("profile"),
+            Self::Named(LeverArmName::Best) => f.write_str("best"),
+        }
+    }
 }
 
 /// The segmented mirror.
@@ -459,6 +504,50 @@ impl Instrument {
             wind_direction_deg: l.wind_direction_deg,
         };
         self.atmosphere.layers.iter().map(layer).collect()
+    }
+
+    /// The control law's factor f for `sensor`: the description's, or the one that it names; a star has no lever
+    /// arm, and one by name is 1 for it.
+    ///
+    /// # Errors
+    /// [`Error::Config`] if it cannot be found from the layers, or is out of its limits.
+    pub fn lever_arm(&self, sensor: Sensor) -> Result<f64, Error> {
+        let name = match self.control.lever_arm {
+            LeverArm::Factor(factor) => return Ok(factor),
+            LeverArm::Named(name) => name,
+        };
+        let beacon = match sensor {
+            Sensor::Splash => Beacon::Splash,
+            Sensor::Lgs => Beacon::Lgs,
+            Sensor::Ngs => return Ok(1.0),
+        };
+        let height_m = self.laser.beacon_height_m;
+        let layer =
+            |l: &Layer| theory::Layer { weight: l.weight, beta: 1.0 - l.height_m / height_m };
+        let layers: Vec<theory::Layer> =
+            self.layers().iter().map(layer).filter(|layer| layer.weight > 0.0).collect();
+        if let Some(low) = layers.iter().find(|layer| !theory::BETAS.contains(&layer.beta)) {
+            let limit = format!(
+                "a number where turbulence is beyond 0.9 of the beacon's height: a layer is at {:.3}",
+                1.0 - low.beta
+            );
+            return Err(refuse("control.lever_arm", self.control.lever_arm, &limit));
+        }
+        let factor = match name {
+            LeverArmName::Profile => lever_arm::alone(&layers),
+            LeverArmName::Best => lever_arm::least_variance(&layers, beacon),
+        };
+        limits::check_lever_arm(factor)?;
+        Ok(factor)
+    }
+
+    /// The same instrument with the factor for `sensor` in place of a name.
+    ///
+    /// # Errors
+    /// As [`Instrument::lever_arm`].
+    pub fn with_lever_arm_of(mut self, sensor: Sensor) -> Result<Self, Error> {
+        self.control.lever_arm = LeverArm::Factor(self.lever_arm(sensor)?);
+        Ok(self)
     }
 
     /// The same instrument with another sensor: a guide star lights all subapertures at once, each of which

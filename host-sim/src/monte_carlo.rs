@@ -43,6 +43,8 @@
 //! | [`gates`] | one gate, two gates and guide stars under the same screens |
 //! | [`campaign`] | screens in parallel |
 //! | [`checkpoint`] | finished screens on the disk |
+//! | [`shard`] | a part of a run, for one of several machines |
+//! | [`settings`] | what a run was asked for |
 //! | [`cost`] | time and memory before a start |
 //! | [`statistics`] | means, errors and paired differences |
 
@@ -56,5 +58,7 @@ pub mod gates;
 pub mod gradient_loop;
 pub mod pistons;
 pub mod point;
+pub mod settings;
+pub mod shard;
 pub mod slope_control;
 pub mod statistics;

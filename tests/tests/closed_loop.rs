@@ -91,7 +91,7 @@ fn making_up_for_the_lever_arm_gains() {
         layer.wind_speed_m_per_s /= 8.0;
     }
     let mut lever = plain.clone();
-    lever.control.lever_arm = 1.13;
+    lever.control.lever_arm = LeverArm::Factor(1.13);
     let gain: Vec<f64> = (0..4)
         .map(|seed| {
             let run =

@@ -51,7 +51,7 @@ pub fn run(args: &ReproduceArgs) -> Result<(), Error> {
     let _lock = Lock::take(&directory, "host-sim reproduce")?;
     let mut campaign = Campaign::open(&directory, points, &Comparator::ALL, true)?;
     let estimate = campaign.estimate(args.long)?;
-    progress::say(&format!("{}: about {estimate}", campaign.screens()));
+    progress::say(&format!("{}: about {estimate}", campaign.asked()));
     let (theory, theory_files) = theory::paper(&directory)?;
     campaign.run()?;
     let strehl = results::gather(&campaign);

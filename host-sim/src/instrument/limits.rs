@@ -3,7 +3,7 @@
 //! Optics, detector and firmware check what they are given as well, in their own words; this comes
 //! first, so that an error names what a user wrote.
 
-use super::{Instrument, PhotonNumberName};
+use super::{Instrument, LeverArm, PhotonNumberName};
 use crate::error::{Error, refuse};
 use crate::optics::slab::MAX_SLICES;
 use crate::pupil::MAX_SAMPLES;
@@ -194,7 +194,9 @@ impl Instrument {
         if !(control.gain >= 1e-4 && control.gain < 2.0) {
             return Err(refuse("control.gain", number(control.gain), "above 0 and below 2"));
         }
-        within("control.lever_arm", control.lever_arm, 0.5, 1.9)?;
+        if let LeverArm::Factor(factor) = control.lever_arm {
+            check_lever_arm(factor)?;
+        }
         within("control.delay_frames", f64::from(control.delay_frames), 0.0, MAX_DELAY as f64)?;
         within("control.sweeps", f64::from(control.sweeps), 0.0, 1000.0)?;
         within("mirror.stroke_m", mirror.stroke_m, 1e-9, 1.0)?;
@@ -217,6 +219,11 @@ impl Instrument {
         within("safety.leak", safety.leak, 0.0, 1.0)?;
         within("safety.saturated_share", safety.saturated_share, 0.0, 1.0)
     }
+}
+
+/// What the firmware's law takes.
+pub(super) fn check_lever_arm(factor: f64) -> Result<(), Error> {
+    within("control.lever_arm", factor, 0.5, 1.9)
 }
 
 /// Degrees of an angle, rad, rounded up to a tenth.

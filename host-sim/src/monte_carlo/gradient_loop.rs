@@ -38,7 +38,7 @@ impl GradientLoop {
         let Instrument { laser, science, control, windows, .. } = instrument;
         let scale = windows.pixels_per_lambda_d;
         let height_m = laser.beacon_height_m;
-        let law = Law::scalar(control.lever_arm);
+        let law = Law::scalar(instrument.lever_arm(sensor)?);
         Ok(Self {
             sensor: GeometricSensor::new(sensor, pupil, atmosphere, height_m, scale)?
                 .with_launch(instrument.launch()),

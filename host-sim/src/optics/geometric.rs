@@ -21,7 +21,7 @@ use crate::pupil::{Mirror, Pupil};
 use rayon::prelude::*;
 
 /// What the wavefront sensor looks at.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Sensor {
     /// Spots launched through each subaperture and seen by the whole telescope.
     Splash,
