@@ -4,7 +4,7 @@
 use host_sim::board::in_process;
 use host_sim::calibration::SlopeCalibration;
 use host_sim::closed_loop::{ClosedLoop, Run, Sensing};
-use host_sim::instrument::{Instrument, LayerSection};
+use host_sim::instrument::{Instrument, LayerSection, LeverArm};
 use host_sim::optics::geometric::Sensor;
 use host_sim::reconstructor::Reconstructor;
 
