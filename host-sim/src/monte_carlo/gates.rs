@@ -75,7 +75,7 @@ impl<'a> Contest<'a> {
     ) -> Result<Self, Error> {
         let (instrument, pupil) = (point.instrument(), point.pupil());
         let turbulence = Turbulence::new(
-            instrument.atmosphere.r0_m,
+            instrument.r0_m(),
             &instrument.layers(),
             pupil.diameter_m(),
             pupil.pitch_m(),

@@ -61,7 +61,7 @@ impl Purpose {
             beacon_height_m: laser.beacon_height_m,
             gate_height_m,
             layers: if second_gate.layers.is_empty() { own.collect() } else { expected.collect() },
-            r0_m: atmosphere.r0_m,
+            r0_m: instrument.r0_m(),
             noise_rad: [noise_rad; 2],
             gain: control.gain,
         }

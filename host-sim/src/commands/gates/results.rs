@@ -109,7 +109,7 @@ fn point(measured: &Measured, contender: usize, terms: &Terms) -> PointResult {
 }
 
 fn diameter_in_r0(measured: &Measured) -> f64 {
-    measured.point.pupil().diameter_m() / measured.point.instrument().atmosphere.r0_m
+    measured.point.pupil().diameter_m() / measured.point.instrument().r0_m()
 }
 
 /// Tables and pictures: their names.
