@@ -8,15 +8,18 @@
 //! | `Template` | one of the eight rows of the weight |
 //! | `Floors`, `Losses`, `Thresholds` | of window pixels, in the bank's order |
 //! | `Calibration` | the record of a calibration |
+//! | `SecondGate` | of a subaperture in the second gate: reference slope, 2 x 2 gain, flux limits, mean threshold |
+//! | `Gradients`, `Coupling` | of the [modes](crate::modal) |
 //!
-//! Mask, windows and detector change by whole images only: the pixels' order follows from them.
+//! Mask, windows, gates and detector change by whole images only: the pixels' order follows from them.
 //! An adjustment is refused by the bounds by which an image is, and then changes nothing.
 
 use crate::calibration::Calibration;
 use crate::centroid::TEMPLATE;
 use crate::config::Config;
 use crate::error::{ConfigError, Field};
-use crate::image::{Head, Subaperture};
+use crate::image::{Head, SecondGate, Subaperture};
+use crate::modal::{MAX_MODES, ModalConfig};
 use core::fmt;
 use serde::{Deserialize, Serialize};
 
@@ -66,6 +69,27 @@ pub enum Adjustment {
     },
     /// The record of a calibration.
     Calibration(Option<Calibration>),
+    /// What there is once a subaperture for a second gate.
+    SecondGate {
+        /// In mask order.
+        index: u16,
+        /// All of it.
+        entry: SecondGate,
+    },
+    /// Gradients of all modes at one subaperture.
+    Gradients {
+        /// In mask order.
+        index: u16,
+        /// x and y of each mode.
+        values: heapless::Vec<[i16; 2], MAX_MODES>,
+    },
+    /// What one mode takes of the others.
+    Coupling {
+        /// Which mode, from 0 on.
+        row: u8,
+        /// Of a and b of each mode, Q12.
+        values: heapless::Vec<[i32; 2], MAX_MODES>,
+    },
 }
 
 /// What an [`Adjustment`] changes, and a value can be asked of.
@@ -100,6 +124,21 @@ pub enum Parameter {
     },
     /// [`Adjustment::Calibration`].
     Calibration,
+    /// [`Adjustment::SecondGate`].
+    SecondGate {
+        /// In mask order.
+        index: u16,
+    },
+    /// [`Adjustment::Gradients`].
+    Gradients {
+        /// In mask order.
+        index: u16,
+    },
+    /// [`Adjustment::Coupling`].
+    Coupling {
+        /// Which mode, from 0 on.
+        row: u8,
+    },
 }
 
 /// Why an adjustment was refused.
@@ -142,7 +181,7 @@ impl fmt::Display for AdjustError {
 
 impl core::error::Error for AdjustError {}
 
-impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P, B, K> {
     /// Makes one change. What follows from it is brought up to date by [`Config::settle`], without
     /// which no frame may be run.
     pub(crate) fn adjust(&mut self, adjustment: &Adjustment) -> Result<(), AdjustError> {
@@ -189,6 +228,33 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
                 replace(self.bank.thresholds_mut(), *first, values)?;
             }
             Adjustment::Calibration(calibration) => self.calibrated = *calibration,
+            Adjustment::SecondGate { index, entry } => {
+                let i = usize::from(*index);
+                let window = self.second_window(i).ok_or(place(i, self.second_entries()))?;
+                entry.check(i)?;
+                put(self.base_thresholds.get_mut(window), entry.base_threshold);
+                put(self.slopes.get_mut(window), entry.slope);
+            }
+            Adjustment::Gradients { index, values } => {
+                let i = usize::from(*index);
+                self.second_window(i).ok_or(place(i, self.second_entries()))?;
+                let all = self.modal.of_mut(i);
+                let entries = all.len();
+                let all = (entries == values.len()).then_some(all);
+                let all = all.ok_or(place(values.len(), entries))?;
+                all.iter_mut().zip(values).for_each(|(to, &value)| *to = value);
+            }
+            Adjustment::Coupling { row, values } => {
+                let (k, modes) = (usize::from(*row), self.modes());
+                let to = self.modal.row_mut(k).ok_or(place(k, modes))?;
+                if values.len() != modes {
+                    return Err(place(values.len(), modes));
+                }
+                for (j, &value) in values.as_flattened().iter().enumerate() {
+                    ModalConfig::<M, K>::check_coupling(value, 2 * modes * k + j)?;
+                }
+                to.iter_mut().zip(values).for_each(|(to, &value)| *to = value);
+            }
         }
         Ok(())
     }
@@ -222,7 +288,28 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
                 Adjustment::Thresholds { first, values: from(bank.thresholds(), first)? }
             }
             Parameter::Calibration => Adjustment::Calibration(self.calibrated),
+            Parameter::SecondGate { index } => {
+                let i = usize::from(index);
+                let entry = self.second_gate(i).ok_or(place(i, self.second_entries()))?;
+                Adjustment::SecondGate { index, entry }
+            }
+            Parameter::Gradients { index } => {
+                let i = usize::from(index);
+                self.second_window(i).ok_or(place(i, self.second_entries()))?;
+                let values = self.modal.of(i).iter().copied().collect();
+                Adjustment::Gradients { index, values }
+            }
+            Parameter::Coupling { row } => {
+                let k = usize::from(row);
+                let values = self.modal.rows().nth(k).ok_or(place(k, self.modes()))?;
+                Adjustment::Coupling { row, values: values.iter().copied().collect() }
+            }
         })
+    }
+
+    /// Entries that there are one a subaperture for a second gate.
+    fn second_entries(&self) -> usize {
+        self.windows().saturating_sub(self.subapertures())
     }
 }
 

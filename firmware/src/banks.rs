@@ -120,22 +120,22 @@ pub enum DraftState {
 }
 
 /// The other bank, and what is being done to it.
-pub struct Draft<'a, const M: usize, const P: usize, const B: usize> {
-    bank: &'a mut Config<M, P, B>,
+pub struct Draft<'a, const M: usize, const P: usize, const B: usize, const K: usize = 0> {
+    bank: &'a mut Config<M, P, B, K>,
     state: DraftState,
     loader: Loader,
 }
 
-impl<'a, const M: usize, const P: usize, const B: usize> Draft<'a, M, P, B> {
+impl<'a, const M: usize, const P: usize, const B: usize, const K: usize> Draft<'a, M, P, B, K> {
     /// One of what is in `bank`.
-    pub fn new(bank: &'a mut Config<M, P, B>) -> Self {
+    pub fn new(bank: &'a mut Config<M, P, B, K>) -> Self {
         let state = state_of(bank);
         Self { bank, state, loader: Loader::new() }
     }
 
     /// Gives the bank back, with what is in it.
     #[must_use]
-    pub fn into_bank(self) -> &'a mut Config<M, P, B> {
+    pub fn into_bank(self) -> &'a mut Config<M, P, B, K> {
         self.bank
     }
 
@@ -147,7 +147,7 @@ impl<'a, const M: usize, const P: usize, const B: usize> Draft<'a, M, P, B> {
 
     /// The configuration, when it is a whole one.
     #[must_use]
-    pub const fn whole(&self) -> Option<&Config<M, P, B>> {
+    pub const fn whole(&self) -> Option<&Config<M, P, B, K>> {
         match self.state {
             DraftState::Empty | DraftState::Receiving { .. } => None,
             DraftState::Open | DraftState::Checked { .. } | DraftState::Ordered { .. } => {
@@ -213,7 +213,7 @@ impl<'a, const M: usize, const P: usize, const B: usize> Draft<'a, M, P, B> {
     ///
     /// # Errors
     /// [`BankError::Ordered`]; [`BankError::Empty`] if `running` has no subapertures.
-    pub fn copy(&mut self, running: &Config<M, P, B>) -> Result<(), BankError> {
+    pub fn copy(&mut self, running: &Config<M, P, B, K>) -> Result<(), BankError> {
         self.changeable()?;
         self.state = DraftState::Empty;
         let mut loader = Loader::new();
@@ -309,8 +309,8 @@ impl<'a, const M: usize, const P: usize, const B: usize> Draft<'a, M, P, B> {
     /// What `admit` says; the banks stay as they are, and this one is checked.
     pub fn exchange(
         &mut self,
-        running: &mut &'a mut Config<M, P, B>,
-        admit: impl FnOnce(&Config<M, P, B>, &Config<M, P, B>) -> Result<(), Refusal>,
+        running: &mut &'a mut Config<M, P, B, K>,
+        admit: impl FnOnce(&Config<M, P, B, K>, &Config<M, P, B, K>) -> Result<(), Refusal>,
     ) -> Option<Result<u32, Refusal>> {
         let DraftState::Ordered { hash } = self.state else { return None };
         if let Err(refusal) = admit(running, self.bank) {
@@ -323,29 +323,31 @@ impl<'a, const M: usize, const P: usize, const B: usize> Draft<'a, M, P, B> {
     }
 }
 
-fn state_of<const M: usize, const P: usize, const B: usize>(bank: &Config<M, P, B>) -> DraftState {
+fn state_of<const M: usize, const P: usize, const B: usize, const K: usize>(
+    bank: &Config<M, P, B, K>,
+) -> DraftState {
     if bank.mask.is_some() { DraftState::Open } else { DraftState::Empty }
 }
 
 /// Both banks.
-pub struct Banks<'a, const M: usize, const P: usize, const B: usize> {
-    running: &'a mut Config<M, P, B>,
+pub struct Banks<'a, const M: usize, const P: usize, const B: usize, const K: usize = 0> {
+    running: &'a mut Config<M, P, B, K>,
     hash: u32,
     refused: Option<Refusal>,
     /// The other bank.
-    pub draft: Draft<'a, M, P, B>,
+    pub draft: Draft<'a, M, P, B, K>,
 }
 
-impl<'a, const M: usize, const P: usize, const B: usize> Banks<'a, M, P, B> {
+impl<'a, const M: usize, const P: usize, const B: usize, const K: usize> Banks<'a, M, P, B, K> {
     /// `running` runs; what is in `other` may be checked and switched to.
-    pub fn new(running: &'a mut Config<M, P, B>, other: &'a mut Config<M, P, B>) -> Self {
+    pub fn new(running: &'a mut Config<M, P, B, K>, other: &'a mut Config<M, P, B, K>) -> Self {
         let hash = running.hash();
         Self { running, hash, refused: None, draft: Draft::new(other) }
     }
 
     /// What runs.
     #[must_use]
-    pub const fn running(&self) -> &Config<M, P, B> {
+    pub const fn running(&self) -> &Config<M, P, B, K> {
         self.running
     }
 
@@ -357,7 +359,7 @@ impl<'a, const M: usize, const P: usize, const B: usize> Banks<'a, M, P, B> {
 
     /// Gives both banks back, the one that runs first.
     #[must_use]
-    pub fn into_banks(self) -> [&'a mut Config<M, P, B>; 2] {
+    pub fn into_banks(self) -> [&'a mut Config<M, P, B, K>; 2] {
         [self.running, self.draft.bank]
     }
 
@@ -379,7 +381,7 @@ impl<'a, const M: usize, const P: usize, const B: usize> Banks<'a, M, P, B> {
     /// what runs. Returns its hash, or what `admit` says; `None` if nothing was ordered.
     pub fn frame_boundary(
         &mut self,
-        admit: impl FnOnce(&Config<M, P, B>, &Config<M, P, B>) -> Result<(), Refusal>,
+        admit: impl FnOnce(&Config<M, P, B, K>, &Config<M, P, B, K>) -> Result<(), Refusal>,
     ) -> Option<Result<u32, Refusal>> {
         let exchanged = self.draft.exchange(&mut self.running, admit)?;
         self.refused = exchanged.err();
@@ -388,7 +390,7 @@ impl<'a, const M: usize, const P: usize, const B: usize> Banks<'a, M, P, B> {
     }
 }
 
-impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P, B, K> {
     /// Checks all that [`Config::load`] checks, and brings up to date what follows from it.
     fn check(&mut self) -> Result<(), crate::error::ConfigError> {
         let Some(mask) = self.mask else { return Ok(()) };
@@ -396,14 +398,18 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.set_head(&head, mask.count())?;
         for i in 0..mask.count() {
             self.subaperture(i).map_or(Ok(()), |entry| entry.check(i))?;
+            self.second_gate(i).map_or(Ok(()), |entry| entry.check(i))?;
         }
         self.settle(&mask)
     }
 
-    /// Whether frames can go on from `before` to this without a reset: the same subapertures, windows
-    /// of the same size, the same mirror with the same flat map and limits.
+    /// Whether frames can go on from `before` to this without a reset: the same subapertures and
+    /// gates, windows of the same size, the same mirror with the same flat map and limits.
     #[must_use]
     pub fn continues(&self, before: &Self) -> bool {
-        self.mask == before.mask && self.window == before.window && self.same_mechanics(before)
+        self.mask == before.mask
+            && self.windows() == before.windows()
+            && self.window == before.window
+            && self.same_mechanics(before)
     }
 }

@@ -86,7 +86,7 @@ impl fmt::Display for Uncalibrated {
 
 impl core::error::Error for Uncalibrated {}
 
-impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P, B, K> {
     /// CRC-32 (ISO-HDLC) of what a calibration depends on: mask, detector, windows, mirror.
     #[must_use]
     pub fn fingerprint(&self) -> u32 {

@@ -15,6 +15,7 @@ use crate::gate::{GateTiming, Range, ShortFrame};
 use crate::geometry::{Grid, Mask};
 use crate::ladder::LadderLimits;
 use crate::mirror::Serials;
+use crate::modal::{ModalConfig, ModalHead};
 use crate::omega;
 use crate::pixels::Bank;
 use crate::quality::QualityLimits;
@@ -38,17 +39,18 @@ pub struct Slot {
     pub x0: u16,
     /// Row of its first pixel.
     pub y0: u16,
-    /// Its subaperture.
+    /// Its subaperture; in the second gate, that and the number of subapertures.
     pub subaperture: u16,
 }
 
 /// A validated configuration.
 ///
-/// Capacities: `M` cells of the subaperture grid (N x N), `P` window pixels (subapertures x W x
-/// W), `B` pixels that brightest-n can buffer (windows that share a row, x W x W; 0 without that
-/// estimator). Results depend on the specification only, never on the capacities.
+/// Capacities: `M` cells of the subaperture grid (N x N) and windows (two a subaperture with two
+/// gates), `P` window pixels (windows x W x W), `B` pixels that brightest-n can buffer (windows that
+/// share a row, x W x W; 0 without that estimator), `K` modes of a second gate (0 without one, and
+/// without the code for it). Results depend on the specification only, never on the capacities.
 #[derive(Debug)]
-pub struct Config<const M: usize, const P: usize, const B: usize> {
+pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize = 0> {
     pub(crate) mask: Option<Mask>,
     pub(crate) width: u16,
     pub(crate) height: u16,
@@ -64,9 +66,11 @@ pub struct Config<const M: usize, const P: usize, const B: usize> {
     pub(crate) template: Template,
     /// Windows that a row can meet at once.
     pub(crate) concurrent: usize,
-    /// Mean fixed threshold of each subaperture, signal units.
+    /// Mean fixed threshold of each window, signal units: the first gate's, then the second's.
     pub(crate) base_thresholds: heapless::Vec<u16, M>,
+    /// As these.
     pub(crate) slopes: heapless::Vec<SlopeCalibration, M>,
+    pub(crate) modal: ModalConfig<M, K>,
     pub(crate) gain_exponent: u32,
     pub(crate) control: ControlConfig,
     /// Per node; zero where there is no subaperture.
@@ -92,13 +96,15 @@ pub struct Config<const M: usize, const P: usize, const B: usize> {
     pub(crate) calibrated: Option<Calibration>,
 }
 
-impl<const M: usize, const P: usize, const B: usize> Default for Config<M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Default
+    for Config<M, P, B, K>
+{
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P, B, K> {
     /// A configuration without subapertures: every frame is held. All zeros, so that a `static` one
     /// takes no place in an image.
     #[must_use]
@@ -117,6 +123,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             concurrent: 0,
             base_thresholds: heapless::Vec::new(),
             slopes: heapless::Vec::new(),
+            modal: ModalConfig::NONE,
             gain_exponent: 0,
             control: ControlConfig { mean: crate::slopes::MeanSlope::Remove, delay: 0 },
             gains: RedBlack::new(Gains { keep: 0, take: 0 }),
@@ -158,6 +165,9 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
     /// A [`ConfigError`] with field, value and limit of the first value refused; `self` is then
     /// as it was.
     pub fn build(&mut self, spec: &Spec<'_>) -> Result<(), ConfigError> {
+        if spec.modal.is_some() {
+            ModalConfig::<M, K>::check_room(validate::modes(spec))?;
+        }
         validate::geometry::<M, P>(spec)?;
         validate::windows(spec)?;
         let control = validate::control(spec)?;
@@ -165,18 +175,21 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         let quantiser = Quantiser::new(spec)?;
         let (estimator, weight_fwhm_px) = quantiser.estimator()?;
         let concurrent =
-            validate::buffer::<B>(&estimator, spec.windows.size.into(), spec.windows.origins)?;
+            validate::buffer::<B>(&estimator, spec.windows.size.into(), spec.origins())?;
         let slew_ulp = quantiser.slew_ulp()?;
         let (quality, ladder) = quantiser.safety()?;
         schedule::check(spec)?;
         let count = spec.mask.count();
         for i in 0..count {
             quantiser.slope(i)?;
+            quantiser.second_slope(i).transpose()?;
             quantiser.gains(i)?;
             quantiser.segment(i)?;
             quantiser.responses(i)?;
         }
         validate::sor(spec)?;
+        let modal = quantiser.modal()?;
+        ModalConfig::<M, K>::check_modes(count, modal, |i| quantiser.gradients(modal, i))?;
 
         self.mask = Some(spec.mask);
         self.width = spec.detector.width;
@@ -205,6 +218,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         self.calibrated = None;
         self.fill_nodes(&spec.mask);
         self.fill_subapertures(&quantiser, spec)?;
+        self.fill_modal(&quantiser, modal, count)?;
         self.schedule.fill(spec);
         self.fill_bank(&quantiser, spec);
         self.travel = Travel::new(quantiser.ratio_bits, slew_ulp, &self.segments);
@@ -229,6 +243,7 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
 
     fn clear(&mut self) {
         self.slots.clear();
+        self.modal.head = ModalHead::default();
         self.base_thresholds.clear();
         self.slopes.clear();
         self.gains.fill(Gains::default());
@@ -250,7 +265,35 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             let _ = self.segments.push(segment);
             let _ = self.responses.push(responses);
         }
+        let second = spec.modal.map_or(&[][..], |modal| modal.origins);
+        for (i, &[x0, y0]) in second.iter().enumerate() {
+            let subaperture = (spec.windows.origins.len() + i) as u16;
+            let _ = self.slots.push(Slot { x0, y0, subaperture });
+            let _ = self.base_thresholds.push(q.base_threshold([x0, y0]));
+            if let Some(slope) = q.second_slope(i).transpose()? {
+                let _ = self.slopes.push(slope);
+            }
+        }
         self.slots.sort_unstable_by_key(|slot| (slot.y0, slot.x0));
+        Ok(())
+    }
+
+    fn fill_modal(
+        &mut self,
+        q: &Quantiser<'_>,
+        head: ModalHead,
+        count: usize,
+    ) -> Result<(), ConfigError> {
+        self.modal.head = head;
+        let modes = usize::from(head.modes);
+        for (i, gradients) in self.modal.gradients.iter_mut().take(count).enumerate() {
+            *gradients = q.gradients(head, i);
+        }
+        for (k, row) in self.modal.coupling.iter_mut().take(modes).enumerate() {
+            for (j, entry) in row.iter_mut().take(modes).enumerate() {
+                *entry = q.coupling(k, j)?;
+            }
+        }
         Ok(())
     }
 
@@ -332,7 +375,19 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
     /// Subapertures in use, in mask order.
     #[must_use]
     pub fn subapertures(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Windows: one a subaperture, two with two gates.
+    #[must_use]
+    pub fn windows(&self) -> usize {
         self.slots.len()
+    }
+
+    /// Modes of the second gate; 0 without one.
+    #[must_use]
+    pub fn modes(&self) -> usize {
+        usize::from(self.modal.head.modes)
     }
 
     /// The mask; `None` before the first build.

@@ -15,7 +15,7 @@
 //! integrates on its own.
 //!
 //! The slopes come one by one as windows end (`Taking::take`); what needs all of them is left for
-//! `Control::update`.
+//! `Control::update`. With a second gate x is [corrected](crate::modal) in between.
 //!
 //! **Scaling and overflow.** Slopes and commands are i32 ulp within +-2^23, what the mirror showed less
 //! a global tilt within +-2^24, so |x| <= 3 x 2^23, and twice that at most after a mean is off. x is kept
@@ -74,6 +74,8 @@ pub(crate) struct Control<const M: usize> {
 /// Length of the ring of applied commands: a power of two, so that its head wraps by a mask.
 const HISTORY: usize = MAX_DELAY + 1;
 
+/// Largest magnitude of x, ulp: a slope within 2^23, and what the mirror showed less a global tilt.
+const OPEN_LOOP_LIMIT: i32 = 3 << 23;
 /// Bits by which x is shifted up in [`Control::open_loop`].
 const GUARD_BITS: u32 = 3;
 /// What a measured subaperture's 8 x has in its low bits.
@@ -217,6 +219,29 @@ impl<const M: usize> Control<M> {
         }
     }
 
+    /// Mean x over the subapertures that were measured, ulp.
+    pub(crate) fn mean_open_loop(&self) -> [i32; 2] {
+        let inverse = reciprocal(self.valid);
+        self.sums.map(|sum| mean(sum, inverse))
+    }
+
+    /// Adds to x where it was measured, within the range of x: up to +-2^30 ulp.
+    #[inline(always)]
+    pub(crate) fn correct(&mut self, place: Place, ulp: [i32; 2]) {
+        let Some(open_loop) = self.open_loop.get_mut(place) else { return };
+        let ([x, y], [dx, dy]) = (*open_loop, ulp);
+        let measured = x & MEASURED;
+        let [x, y] = [x >> GUARD_BITS, y >> GUARD_BITS];
+        let sum = |x: i32, d: i32| {
+            fixed::clamp(x.wrapping_add(d), OPEN_LOOP_LIMIT).wrapping_mul(measured)
+        };
+        let (new_x, new_y) = (sum(x, dx), sum(y, dy));
+        *open_loop = [(new_x << GUARD_BITS).wrapping_add(measured), new_y << GUARD_BITS];
+        let [sum_x, sum_y] = &mut self.sums;
+        *sum_x = sum_x.wrapping_add(i64::from(new_x.wrapping_sub(x)));
+        *sum_y = sum_y.wrapping_add(i64::from(new_y.wrapping_sub(y)));
+    }
+
     /// The command of one subaperture becomes what its segment shows.
     pub(crate) fn adopt(&mut self, place: Place, tilt_ulp: [i32; 2]) {
         if let Some(command) = self.command.get_mut(place) {
@@ -303,6 +328,11 @@ impl<const M: usize> Taking<'_, M> {
         *self.valid = self.valid.wrapping_add(valid as u32);
     }
 
+    /// What the mirror showed of subaperture `i`.
+    pub(crate) fn applied(&self, i: usize) -> Option<[i32; 2]> {
+        self.applied.get(i).copied()
+    }
+
     /// Lets a subaperture that this sub-cycle does not light keep its x, and counts it for the mean.
     pub(crate) fn retain(&mut self, place: Place) {
         let Some(&[x, y]) = self.open_loop.get(place) else { return };
@@ -336,14 +366,20 @@ fn sum([west, east, north, south]: [i32; 4]) -> i32 {
     west.wrapping_add(east).wrapping_add(north).wrapping_add(south)
 }
 
-/// Floor of 2^24 / count, or zero where the mean stays.
+/// Floor of 2^24 / count; 2^24 for none.
 #[inline]
-fn removal(mean: MeanSlope, count: u32) -> i64 {
-    let inverse = (1u32 << 24) / count.max(1);
-    i64::from(inverse) * i64::from(mean == MeanSlope::Remove)
+pub(crate) fn reciprocal(count: u32) -> i64 {
+    i64::from((1u32 << 24) / count.max(1))
 }
 
+/// That, or zero where the mean stays.
 #[inline]
-fn mean(sum: i64, inverse_q24: i64) -> i32 {
+fn removal(mean: MeanSlope, count: u32) -> i64 {
+    reciprocal(count) * i64::from(mean == MeanSlope::Remove)
+}
+
+/// The mean of what sums up to `sum`, by the reciprocal of its count.
+#[inline]
+pub(crate) fn mean(sum: i64, inverse_q24: i64) -> i32 {
     fixed::round_shift(sum.wrapping_mul(inverse_q24), 24) as i32
 }

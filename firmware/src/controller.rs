@@ -96,6 +96,9 @@ pub enum Command {
     Gate(Range),
     /// Counts faults from zero.
     ClearFaults,
+    /// States what mirror and detector are there, in safe and without high voltage: what a board cannot
+    /// read from them. What runs need not fit, but is armed and leaves safe only if it does.
+    Hardware(Serials),
 }
 
 /// What became of a frame, or of its absence.
@@ -118,8 +121,8 @@ pub struct FrameResult {
 
 /// Everything that decides. `M` and `B` are the capacities of [`Config`].
 #[derive(Debug)]
-pub struct Controller<const M: usize, const B: usize> {
-    pipeline: Pipeline<M, B>,
+pub struct Controller<const M: usize, const B: usize, const K: usize = 0> {
+    pipeline: Pipeline<M, B, K>,
     modes: Modes,
     ladder: Ladder,
     faults: Faults,
@@ -136,7 +139,7 @@ pub struct Controller<const M: usize, const B: usize> {
     wanted: [Position; M],
 }
 
-impl<const M: usize, const B: usize> Controller<M, B> {
+impl<const M: usize, const B: usize, const K: usize> Controller<M, B, K> {
     /// Safe, without a configuration. `serials` are those of the hardware that is there, 0 where the
     /// board does not know; `ticks_per_second` those of the gate's timer.
     #[must_use]
@@ -169,7 +172,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     /// Frames between the last one and this one are missing and told to the ladder; the mirror does not
     /// move for them. With a configuration that was not taken over by [`Controller::exchange`] nothing
     /// begins.
-    pub fn begin<const P: usize>(&mut self, config: &Config<M, P, B>, start: Start) {
+    pub fn begin<const P: usize>(&mut self, config: &Config<M, P, B, K>, start: Start) {
         let Start { number, pulses, ticks } = start;
         self.at = Moment { frame: number, ticks };
         self.counter = match self.numbers.count(number) {
@@ -192,14 +195,14 @@ impl<const M: usize, const B: usize> Controller<M, B> {
 
     /// Lets the pipeline begin, which would set the flat map's codes at once for a configuration that does
     /// not drive the mirror.
-    fn begin_frame<const P: usize>(&mut self, config: &Config<M, P, B>, number: u32) {
+    fn begin_frame<const P: usize>(&mut self, config: &Config<M, P, B, K>, number: u32) {
         if self.pipeline.mirror().is_driven(config.subapertures()) {
             self.pipeline.begin(config, number);
         }
     }
 
     /// Frames that never came before `number`.
-    fn missed<const P: usize>(&mut self, config: &Config<M, P, B>, number: u32, missing: u32) {
+    fn missed<const P: usize>(&mut self, config: &Config<M, P, B, K>, number: u32, missing: u32) {
         if missing == 0 {
             return;
         }
@@ -224,7 +227,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     #[inline]
     pub fn push_rows<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         pixels: &[u16],
         rows: u16,
     ) -> Result<Progress, RowError> {
@@ -237,7 +240,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     /// A [`RowError`]; `finish` books what it makes of the frame.
     pub fn push_measurements<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         measurements: &[Measurement],
     ) -> Result<Progress, RowError> {
         self.pipeline.push_measurements(config, measurements)
@@ -247,7 +250,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     /// stages as by [`Pipeline::finish_probed`], of a frame that is not followed only of the first.
     pub fn finish<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         probe: &mut impl Probe,
     ) -> FrameResult {
         let Measured { report, hold } = self.pipeline.measure(config);
@@ -266,7 +269,11 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     }
 
     /// A frame's time has passed without a frame.
-    pub fn missing<const P: usize>(&mut self, config: &Config<M, P, B>, ticks: u64) -> FrameResult {
+    pub fn missing<const P: usize>(
+        &mut self,
+        config: &Config<M, P, B, K>,
+        ticks: u64,
+    ) -> FrameResult {
         let number = self.numbers.due();
         self.numbers.skip();
         self.at = Moment { frame: number, ticks };
@@ -285,7 +292,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     /// Why a frame cannot be followed.
     fn fault_of<const P: usize>(
         &self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         report: &Report,
         hold: Option<Hold>,
     ) -> Option<Fault> {
@@ -317,7 +324,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     /// What the mode, and in a closed loop the ladder, makes of a frame.
     fn act<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         Measured { report, hold }: Measured,
         fault: Option<Fault>,
         probe: &mut impl Probe,
@@ -339,7 +346,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     #[inline(never)]
     fn not_follow<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         Measured { report, hold }: Measured,
         fault: Option<Fault>,
     ) -> (Report, Option<Rung>) {
@@ -381,7 +388,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
 
     fn follow<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         report: Report,
         probe: &mut impl Probe,
     ) -> Report {
@@ -395,7 +402,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
 
     fn flatten<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         report: Report,
         kept: Hold,
     ) -> Report {
@@ -436,7 +443,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     /// A [`Refusal`]; nothing has changed but the count of refusals.
     pub fn request<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         command: Command,
         calibrated: bool,
         ticks: u64,
@@ -445,9 +452,11 @@ impl<const M: usize, const B: usize> Controller<M, B> {
         let done = match command {
             // It counts its refusals itself.
             Command::Enter(mode) => return self.enter(config, mode, calibrated, at),
-            Command::Arm => self.interlock.arm(self.inputs, ticks).map_err(|inputs| {
-                let Inputs { laser_permit, high_voltage_ready } = inputs;
-                Refusal::Interlock { laser_permit, high_voltage_ready }
+            Command::Arm => self.admit(config).and_then(|()| {
+                self.interlock.arm(self.inputs, ticks).map_err(|inputs| {
+                    let Inputs { laser_permit, high_voltage_ready } = inputs;
+                    Refusal::Interlock { laser_permit, high_voltage_ready }
+                })
             }),
             Command::Disarm => {
                 self.interlock.disarm(ticks);
@@ -473,6 +482,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
                 self.faults.clear();
                 Ok(())
             }
+            Command::Hardware(serials) => self.replace_hardware(serials),
         };
         if done.is_err() {
             self.modes.refuse();
@@ -480,9 +490,26 @@ impl<const M: usize, const B: usize> Controller<M, B> {
         done
     }
 
+    /// Whether a configuration was made for the hardware that is there.
+    fn admit<const P: usize>(&self, config: &Config<M, P, B, K>) -> Result<(), Refusal> {
+        self.serials.admit(config.serials()).map_err(Refusal::OtherHardware)
+    }
+
+    fn replace_hardware(&mut self, serials: Serials) -> Result<(), Refusal> {
+        let mode = self.modes.mode();
+        if mode != Mode::Safe {
+            return Err(Refusal::WrongMode { mode });
+        }
+        if self.interlock.outputs().high_voltage {
+            return Err(Refusal::HighVoltage);
+        }
+        self.serials = serials;
+        Ok(())
+    }
+
     fn enter<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         mode: Mode,
         calibrated: bool,
         at: Moment,
@@ -494,6 +521,12 @@ impl<const M: usize, const B: usize> Controller<M, B> {
             laser: self.interlock.outputs().laser,
             calibrated,
         };
+        if mode != Mode::Safe
+            && let Err(refusal) = self.admit(config)
+        {
+            self.modes.refuse();
+            return Err(refusal);
+        }
         self.modes.enter(mode, have, at)?;
         match mode {
             Mode::ClosedLoop => self.ladder = Ladder::new(),
@@ -517,7 +550,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
 
     fn want<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         subaperture: u16,
         position: Result<Position, Refusal>,
     ) -> Result<(), Refusal> {
@@ -543,8 +576,8 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     /// A [`Refusal`]; go on with `before`, nothing has changed but the count of refusals.
     pub fn exchange<const P: usize>(
         &mut self,
-        before: &Config<M, P, B>,
-        config: &Config<M, P, B>,
+        before: &Config<M, P, B, K>,
+        config: &Config<M, P, B, K>,
         calibrated: bool,
     ) -> Result<(), Refusal> {
         let exchanged = self.try_exchange(before, config, calibrated);
@@ -556,11 +589,11 @@ impl<const M: usize, const B: usize> Controller<M, B> {
 
     fn try_exchange<const P: usize>(
         &mut self,
-        before: &Config<M, P, B>,
-        config: &Config<M, P, B>,
+        before: &Config<M, P, B, K>,
+        config: &Config<M, P, B, K>,
         calibrated: bool,
     ) -> Result<(), Refusal> {
-        self.serials.admit(config.serials()).map_err(Refusal::OtherHardware)?;
+        self.admit(config)?;
         if config.mask().is_none() {
             return Err(Refusal::NotConfigured);
         }
@@ -606,7 +639,7 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     /// lets a frame's time pass; the watchdog bounds it all.
     pub fn emergency<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         mut send: impl FnMut(&[[u16; ACTUATORS]]),
     ) {
         self.pipeline.mirror_mut().emergency(config, &mut send);
@@ -614,13 +647,13 @@ impl<const M: usize, const B: usize> Controller<M, B> {
 
     /// The frame path.
     #[must_use]
-    pub const fn pipeline(&self) -> &Pipeline<M, B> {
+    pub const fn pipeline(&self) -> &Pipeline<M, B, K> {
         &self.pipeline
     }
 
     /// The frame path by itself, past modes, ladder and gate: for a bench without a mirror. What drives
     /// a mirror never calls this.
-    pub const fn bench(&mut self) -> &mut Pipeline<M, B> {
+    pub const fn bench(&mut self) -> &mut Pipeline<M, B, K> {
         &mut self.pipeline
     }
 
@@ -658,6 +691,12 @@ impl<const M: usize, const B: usize> Controller<M, B> {
     #[must_use]
     pub const fn faults(&self) -> &Faults {
         &self.faults
+    }
+
+    /// The hardware that is there; 0 where nobody has said.
+    #[must_use]
+    pub const fn serials(&self) -> Serials {
+        self.serials
     }
 
     /// The range gate.

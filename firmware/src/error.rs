@@ -62,6 +62,14 @@ pub enum Field {
     HoldFrames,
     Leak,
     SaturatedShare,
+    Windows,
+    Modes,
+    Coupling,
+    SecondOrigin,
+    SecondReference,
+    SecondGain,
+    SecondFluxMin,
+    SecondFluxMax,
 }
 
 impl Field {
@@ -122,6 +130,14 @@ impl Field {
             Self::HoldFrames => "safety.hold_frames",
             Self::Leak => "safety.leak",
             Self::SaturatedShare => "safety.saturated_share",
+            Self::Windows => "windows.count",
+            Self::Modes => "modal.modes",
+            Self::Coupling => "modal.coupling",
+            Self::SecondOrigin => "modal.origins",
+            Self::SecondReference => "modal.reference_px",
+            Self::SecondGain => "modal.gain_m_per_px",
+            Self::SecondFluxMin => "modal.flux_min_adu",
+            Self::SecondFluxMax => "modal.flux_max_adu",
         }
     }
 }

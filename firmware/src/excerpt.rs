@@ -24,7 +24,7 @@ impl Excerpt<'_> {
     }
 }
 
-impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P, B, K> {
     /// The bytes of this configuration's image from `offset` on: as many as `buffer` takes, fewer at
     /// its end, none behind it. Takes the time of a whole image.
     pub fn excerpt<'b>(&self, offset: usize, buffer: &'b mut [u8]) -> &'b [u8] {

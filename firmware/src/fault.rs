@@ -174,6 +174,7 @@ pub struct Record {
 pub struct Faults {
     counts: [u32; KINDS],
     last: Deque<Record, RECORDS>,
+    records: u32,
 }
 
 impl Default for Faults {
@@ -186,7 +187,7 @@ impl Faults {
     /// None yet.
     #[must_use]
     pub const fn new() -> Self {
-        Self { counts: [0; KINDS], last: Deque::new() }
+        Self { counts: [0; KINDS], last: Deque::new(), records: 0 }
     }
 
     /// Books a fault.
@@ -207,6 +208,7 @@ impl Faults {
         }
         // There is room now.
         let _ = self.last.push_back(Record { fault, at });
+        self.records = self.records.wrapping_add(1);
     }
 
     /// How often each kind has been, in the order of [`NAMES`].
@@ -220,9 +222,15 @@ impl Faults {
         self.last.iter()
     }
 
+    /// How many records there have been in all; wraps.
+    #[must_use]
+    pub const fn records(&self) -> u32 {
+        self.records
+    }
+
     /// Counts from zero again, and forgets the records.
     pub fn clear(&mut self) {
-        *self = Self::new();
+        *self = Self { records: self.records, ..Self::new() };
     }
 }
 

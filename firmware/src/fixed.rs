@@ -70,6 +70,17 @@ pub const fn clamp(x: i32, limit: i32) -> i32 {
     smaller(larger(x, -limit), limit)
 }
 
+/// Saturates to `-2^30 ..= 2^30 - 1` without a branch.
+#[inline(always)]
+pub fn narrow(x: i64) -> i32 {
+    let sign = (x >> 63) as i32;
+    let beyond = (x >> 30) ^ (x >> 63);
+    let beyond = ((beyond >> 32) | beyond) as i32;
+    // All ones where it is; opaque, or the compiler makes a branch of it.
+    let beyond = core::hint::black_box((beyond | beyond.wrapping_neg()) >> 31);
+    (x as i32 & !beyond) | ((sign ^ ((1 << 30) - 1)) & beyond)
+}
+
 /// The upper half of `a * b`: SMMUL on a Cortex-M7, MULH on RISC-V.
 #[inline(always)]
 pub const fn mul_high(a: i32, b: i32) -> i32 {
@@ -269,6 +280,17 @@ mod tests {
         }
         assert_eq!(short_reciprocal_chained(0), 1 << 43);
         assert_eq!(short_reciprocal(3), short_reciprocal_chained(3));
+    }
+
+    #[test]
+    fn narrow_is_the_nearest_in_range() {
+        let (low, high) = (-(1i64 << 30), (1 << 30) - 1);
+        let near = [0, low, high, 1 << 31, 1 << 32, 1 << 33, 1 << 62, i64::MAX, i64::MIN];
+        for x in near.into_iter().flat_map(|x| [x.saturating_sub(1), x, x.saturating_add(1)]) {
+            for x in [x, x.saturating_neg()] {
+                assert_eq!(i64::from(narrow(x)), x.clamp(low, high), "{x}");
+            }
+        }
     }
 
     #[test]

@@ -8,6 +8,15 @@
 //! CRC-32 (ISO-HDLC) of all before
 //! ```
 //!
+//! One gate makes an image of version 2, as ever; two make one of version 3, in which there are also
+//!
+//! ```text
+//! how modes are stored                             postcard, between calibration and rows
+//! second gate's subapertures                       postcard, behind subapertures, as what follows
+//! gradients i16, subaperture by subaperture        x and y of each mode
+//! C i32, row by row                                of a and b of each mode
+//! ```
+//!
 //! What follows from the mask (grid, links, components, relaxation steps) is not in the image but
 //! computed again. Every number is checked against the bounds that the frame path relies on; an image
 //! that breaks one leaves a configuration without subapertures, which holds every frame.
@@ -33,8 +42,10 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 
 pub(crate) const MAGIC: [u8; 4] = *b"SPLI";
-/// Version of the layout.
+/// Version of the layout with one gate.
 pub const VERSION: u16 = 2;
+/// With two.
+pub const VERSION_TWO_GATES: u16 = 3;
 pub(crate) const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 /// Longest record, bytes: its length is one byte.
 pub(crate) const RECORD: usize = u8::MAX as usize;
@@ -66,7 +77,10 @@ impl fmt::Display for ImageError {
             Self::Cut => f.write_str("configuration image ends early"),
             Self::NotAnImage => f.write_str("not a configuration image"),
             Self::Version { found } => {
-                write!(f, "configuration image of version {found}, must be {VERSION}")
+                write!(
+                    f,
+                    "configuration image of version {found}, must be {VERSION} or {VERSION_TWO_GATES}"
+                )
             }
             Self::Malformed => f.write_str("configuration image has an unreadable record"),
             Self::Checksum => f.write_str("configuration image has a wrong checksum"),
@@ -157,6 +171,15 @@ pub struct Subaperture {
     pub responses: [Response; ACTUATORS],
 }
 
+/// Everything that there is once a subaperture for a second gate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SecondGate {
+    /// Mean fixed threshold of its window, signal units.
+    pub base_threshold: u16,
+    /// Its slope calibration.
+    pub slope: SlopeCalibration,
+}
+
 /// Bytes on their way out, and their checksum.
 struct Writer<'a> {
     write: &'a mut dyn FnMut(&[u8]),
@@ -179,16 +202,20 @@ impl Writer<'_> {
     }
 }
 
-impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P, B, K> {
     /// Hands the image of this configuration to `write`, piece by piece; nothing before the first
     /// build.
     pub fn save(&self, write: &mut dyn FnMut(&[u8])) {
         let Some(mask) = &self.mask else { return };
         let mut out = Writer { write, digest: CRC.digest() };
         out.bytes(&MAGIC);
-        out.bytes(&VERSION.to_le_bytes());
+        let two_gates = self.modal.is_on();
+        out.bytes(&if two_gates { VERSION_TWO_GATES } else { VERSION }.to_le_bytes());
         out.record(&self.head(mask));
         out.record(&self.calibrated);
+        if two_gates {
+            out.record(&self.modal.head);
+        }
         mask.rows().iter().for_each(|row| out.bytes(&row.to_le_bytes()));
         self.slots.iter().for_each(|slot| out.record(slot));
         for i in 0..self.subapertures() {
@@ -196,12 +223,30 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
                 out.record(&entry);
             }
         }
+        if two_gates {
+            self.save_second_gate(&mut out);
+        }
         self.template.samples.iter().for_each(|samples| out.bytes(samples));
         self.bank.floors().iter().for_each(|floor| out.bytes(&floor.to_le_bytes()));
         self.bank.losses().iter().for_each(|loss| out.bytes(&loss.to_le_bytes()));
         out.bytes(self.bank.thresholds());
         let checksum = out.digest.clone().finalize();
         out.bytes(&checksum.to_le_bytes());
+    }
+
+    fn save_second_gate(&self, out: &mut Writer<'_>) {
+        for i in 0..self.subapertures() {
+            if let Some(entry) = self.second_gate(i) {
+                out.record(&entry);
+            }
+        }
+        for i in 0..self.subapertures() {
+            let gradients = self.modal.of(i).as_flattened();
+            gradients.iter().for_each(|entry| out.bytes(&entry.to_le_bytes()));
+        }
+        for row in self.modal.rows() {
+            row.as_flattened().iter().for_each(|entry| out.bytes(&entry.to_le_bytes()));
+        }
     }
 
     /// The record of what is there once.
@@ -248,6 +293,21 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         })
     }
 
+    /// The record of subaperture `i` in the second gate.
+    pub(crate) fn second_gate(&self, i: usize) -> Option<SecondGate> {
+        let window = self.second_window(i)?;
+        Some(SecondGate {
+            base_threshold: *self.base_thresholds.get(window)?,
+            slope: *self.slopes.get(window)?,
+        })
+    }
+
+    /// The place of subaperture `i` of the second gate among all windows.
+    pub(crate) fn second_window(&self, i: usize) -> Option<usize> {
+        let there = self.modal.is_on() && i < self.subapertures();
+        there.then(|| self.subapertures() + i)
+    }
+
     /// Loads an image in place; `read` fills what it is given, or returns `false` if it cannot.
     ///
     /// # Errors
@@ -274,12 +334,14 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         let capacity = libm::floor(libm::sqrt(M as f64));
         check(Field::Across, head.across.into(), (4.0, capacity))?;
         check(Field::Subapertures, count as f64, (1.0, M as f64))?;
+        let windows = count * if self.modal.is_on() { 2 } else { 1 };
+        check(Field::Windows, windows as f64, (1.0, M as f64))?;
         check(Field::DetectorWidth, head.width.into(), (1.0, 4096.0))?;
         check(Field::DetectorHeight, head.height.into(), (1.0, 4096.0))?;
         check(Field::DetectorBits, head.bits.into(), (8.0, 16.0))?;
         let window = f64::from(head.window);
         check(Field::WindowSize, window, (MIN_WINDOW as f64, MAX_WINDOW as f64))?;
-        let pixels = count as f64 * window * window;
+        let pixels = windows as f64 * window * window;
         check(Field::WindowPixels, pixels, (1.0, P as f64))?;
         match head.estimator {
             EstimatorConfig::CentreOfGravity { .. } => {}
@@ -345,7 +407,8 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         Ok(())
     }
 
-    /// Slots come in readout order, each subaperture once.
+    /// Slots come in readout order, each of `count` windows once, a subaperture's second after its
+    /// first.
     pub(crate) fn load_slot(&mut self, slot: Slot, count: usize) -> Result<(), ConfigError> {
         let index = self.slots.len();
         let refuse = |value: u16, limit| {
@@ -359,9 +422,14 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         if self.slots.last().is_some_and(|last| (last.y0, last.x0) >= (slot.y0, slot.x0)) {
             return refuse(slot.x0, Limit::Rule("must be sorted by row, then column"));
         }
-        let known = self.slots.iter().any(|other| other.subaperture == slot.subaperture);
-        if known || usize::from(slot.subaperture) >= count {
+        let known = |subaperture| self.slots.iter().any(|other| other.subaperture == subaperture);
+        if known(slot.subaperture) || usize::from(slot.subaperture) >= count {
             return refuse(slot.subaperture, Limit::Rule("must be each subaperture once"));
+        }
+        let subapertures = self.nodes.len() as u16;
+        let first = slot.subaperture.checked_sub(subapertures);
+        if first.is_some_and(|first| !known(first)) {
+            return refuse(slot.y0, validate::SECOND_COMES_LATER);
         }
         let _ = self.slots.push(slot);
         Ok(())
@@ -380,6 +448,13 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
         Ok(())
     }
 
+    pub(crate) fn load_second_gate(&mut self, entry: SecondGate) -> Result<(), ConfigError> {
+        entry.check(self.slopes.len().saturating_sub(self.subapertures()))?;
+        let _ = self.base_thresholds.push(entry.base_threshold);
+        let _ = self.slopes.push(entry.slope);
+        Ok(())
+    }
+
     /// What follows from several records, and what has to hold between them: the end of a change.
     pub(crate) fn settle(&mut self, mask: &Mask) -> Result<(), ConfigError> {
         let top = self.bank.top;
@@ -387,14 +462,17 @@ impl<const M: usize, const P: usize, const B: usize> Config<M, P, B> {
             let limit = Limit::Rule("floor: must not be above the highest raw value");
             return Err(ConfigError::at(Field::Dark, i, f64::from(top), limit));
         }
-        let mut origins = heapless::Vec::<[u16; 2], M>::new();
-        for slot in &self.slots {
-            // As many as there are slots.
-            let _ = origins.push([slot.x0, slot.y0]);
-        }
-        self.concurrent = validate::buffer::<B>(&self.estimator, self.window as u16, &origins)?;
+        let origins = self.slots.iter().map(|slot| [slot.x0, slot.y0]);
+        self.concurrent = validate::buffer::<B>(&self.estimator, self.window as u16, origins)?;
         schedule::check_used(self.schedule.colours.iter().copied())?;
         self.schedule.count_colours();
+        if self.modal.is_on() {
+            self.modal.check(mask.count())?;
+            if self.schedule.is_partial() {
+                let modes = f64::from(self.modal.head.modes);
+                return Err(ConfigError::new(Field::Modes, modes, validate::NO_SCHEDULE));
+            }
+        }
         let Travel { ratio_bits, slew_ulp, .. } = self.travel;
         self.travel = Travel::new(ratio_bits, slew_ulp, &self.segments);
         let spec = SorSpec {
@@ -412,11 +490,7 @@ impl Subaperture {
     pub(crate) fn check(&self, i: usize) -> Result<(), ConfigError> {
         let check = |field, value: f64, limit| ConfigError::check(field, Some(i), value, limit);
         let Self { slope, gains, segment, responses, .. } = self;
-        for reference in slope.reference_q16 {
-            let limit = f64::from(1u32 << 21);
-            check(Field::ReferenceSlope, reference.into(), (-limit, limit))?;
-        }
-        check(Field::FluxMin, slope.flux_min.into(), (1.0, slope.flux_max.into()))?;
+        check_slope(slope, i, Field::ReferenceSlope, Field::FluxMin)?;
         // 1 - g and g f in Q13, 0 < g < 2.
         check(Field::ControlGain, gains.keep.into(), (-8191.0, 8191.0))?;
         check(Field::LeverArm, gains.take.into(), (1.0, f64::from(i16::MAX)))?;
@@ -431,4 +505,25 @@ impl Subaperture {
         }
         Ok(())
     }
+}
+
+impl SecondGate {
+    /// As [`Subaperture::check`].
+    pub(crate) fn check(&self, i: usize) -> Result<(), ConfigError> {
+        check_slope(&self.slope, i, Field::SecondReference, Field::SecondFluxMin)
+    }
+}
+
+fn check_slope(
+    slope: &SlopeCalibration,
+    i: usize,
+    reference: Field,
+    flux: Field,
+) -> Result<(), ConfigError> {
+    let limit = f64::from(1u32 << 21);
+    for value in slope.reference_q16 {
+        ConfigError::check(reference, Some(i), value.into(), (-limit, limit))?;
+    }
+    let limit = (1.0, slope.flux_max.into());
+    ConfigError::check(flux, Some(i), slope.flux_min.into(), limit).map(|_| ())
 }

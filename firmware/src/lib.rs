@@ -15,6 +15,7 @@
 //! | [`pixels`] | raw rows, u16 ADU | calibrated, thresholded signal, u16 |
 //! | [`centroid`] | signal | centroid (Q16 px), flux, peak |
 //! | [`slopes`] | centroid | tip, tilt (centre-to-edge path, ulp), validity |
+//! | [`modal`] | slopes of two gates | a correction by modes |
 //! | [`control`] | slopes, what the mirror showed | tip/tilt commands |
 //! | [`sor`] | tip/tilt commands | pistons |
 //! | [`segments`] | piston, tip, tilt | heights of three actuators, inside what they reach |
@@ -74,6 +75,7 @@ pub mod last_words;
 pub mod link;
 mod loader;
 pub mod mirror;
+pub mod modal;
 pub mod mode;
 mod omega;
 pub mod pipeline;

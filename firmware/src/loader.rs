@@ -5,7 +5,8 @@
 
 use crate::config::Config;
 use crate::geometry::{MAX_ACROSS, Mask};
-use crate::image::{CRC, Head, ImageError, MAGIC, RECORD, VERSION};
+use crate::image::{CRC, Head, ImageError, MAGIC, RECORD, VERSION, VERSION_TWO_GATES};
+use crate::modal::{ModalConfig, ModalHead};
 use serde::Deserialize;
 
 /// Bytes of the pixel maps that are taken at once: whole words.
@@ -17,9 +18,13 @@ enum Section {
     Prefix,
     Head,
     Calibration,
+    Modal,
     Rows,
     Slots,
     Subapertures,
+    SecondGate,
+    Gradients,
+    Coupling,
     Template,
     Floors,
     Losses,
@@ -45,9 +50,11 @@ pub(crate) struct Loader {
     entry: heapless::Vec<u8, RECORD>,
     length: Option<usize>,
     digest: crc::Digest<'static, u32>,
+    /// Of two gates.
+    two_gates: bool,
     head: Option<Head>,
     rows: [u64; MAX_ACROSS],
-    /// Rows of the mask, then of the template, that came.
+    /// Entries of the section that came.
     index: usize,
 }
 
@@ -60,6 +67,7 @@ impl Loader {
             entry: heapless::Vec::new(),
             length: None,
             digest: CRC.digest(),
+            two_gates: false,
             head: None,
             rows: [0; MAX_ACROSS],
             index: 0,
@@ -81,9 +89,9 @@ impl Loader {
     ///
     /// # Errors
     /// An [`ImageError`]; the bank then has no subapertures, and the loader takes no more.
-    pub(crate) fn push<const M: usize, const P: usize, const B: usize>(
+    pub(crate) fn push<const M: usize, const P: usize, const B: usize, const K: usize>(
         &mut self,
-        bank: &mut Config<M, P, B>,
+        bank: &mut Config<M, P, B, K>,
         bytes: &[u8],
     ) -> Result<Option<u32>, ImageError> {
         let pushed = self.push_all(bank, bytes);
@@ -94,9 +102,9 @@ impl Loader {
         pushed
     }
 
-    fn push_all<const M: usize, const P: usize, const B: usize>(
+    fn push_all<const M: usize, const P: usize, const B: usize, const K: usize>(
         &mut self,
-        bank: &mut Config<M, P, B>,
+        bank: &mut Config<M, P, B, K>,
         bytes: &[u8],
     ) -> Result<Option<u32>, ImageError> {
         let mut rest = bytes;
@@ -131,9 +139,9 @@ impl Loader {
     }
 
     /// Takes a whole entry, or the length of one.
-    fn take<const M: usize, const P: usize, const B: usize>(
+    fn take<const M: usize, const P: usize, const B: usize, const K: usize>(
         &mut self,
-        bank: &mut Config<M, P, B>,
+        bank: &mut Config<M, P, B, K>,
     ) -> Result<Option<u32>, ImageError> {
         let entry = core::mem::take(&mut self.entry);
         if self.section == Section::Checksum {
@@ -170,9 +178,9 @@ impl Loader {
     }
 
     /// What an entry says.
-    fn keep<const M: usize, const P: usize, const B: usize>(
+    fn keep<const M: usize, const P: usize, const B: usize, const K: usize>(
         &mut self,
-        bank: &mut Config<M, P, B>,
+        bank: &mut Config<M, P, B, K>,
         entry: &[u8],
     ) -> Result<(), ImageError> {
         let words = || entry.as_chunks().0.iter().map(|&word| u16::from_le_bytes(word));
@@ -183,7 +191,8 @@ impl Loader {
                 if magic != MAGIC {
                     return Err(ImageError::NotAnImage);
                 }
-                if found != VERSION {
+                self.two_gates = found == VERSION_TWO_GATES;
+                if found != VERSION && !self.two_gates {
                     return Err(ImageError::Version { found });
                 }
             }
@@ -194,8 +203,31 @@ impl Loader {
                     *row = entry.try_into().map_or(0, u64::from_le_bytes);
                 }
             }
-            Section::Slots => bank.load_slot(record(entry)?, self.mask()?.count())?,
+            Section::Modal => {
+                let head: ModalHead = record(entry)?;
+                ModalConfig::<M, K>::check_head(head)?;
+                bank.modal.head = head;
+            }
+            Section::Slots => bank.load_slot(record(entry)?, self.windows(bank))?,
             Section::Subapertures => bank.load_subaperture(record(entry)?)?,
+            Section::SecondGate => bank.load_second_gate(record(entry)?)?,
+            Section::Gradients => {
+                let all = bank.modal.gradients.get_mut(self.index);
+                let values = entry.as_chunks().0.iter().map(|&bytes| i16::from_le_bytes(bytes));
+                let places = all.map_or(&mut [][..], |all| all.as_flattened_mut());
+                places.iter_mut().zip(values).for_each(|(place, value)| *place = value);
+            }
+            Section::Coupling => {
+                let modes = bank.modes();
+                let row = bank.modal.coupling.get_mut(self.index);
+                let values = entry.as_chunks().0.iter().map(|&bytes| i32::from_le_bytes(bytes));
+                let places = row.map_or(&mut [][..], |row| row.as_flattened_mut());
+                for (j, (place, value)) in places.iter_mut().zip(values).enumerate() {
+                    let at = 2 * modes * self.index + j;
+                    ModalConfig::<M, K>::check_coupling(value, at)?;
+                    *place = value;
+                }
+            }
             Section::Template => {
                 if let Some(samples) = bank.template.samples.get_mut(self.index) {
                     samples.iter_mut().zip(entry).for_each(|(sample, &byte)| *sample = byte);
@@ -211,12 +243,12 @@ impl Loader {
     }
 
     /// From the end of a section to the next.
-    fn advance<const M: usize, const P: usize, const B: usize>(
+    fn advance<const M: usize, const P: usize, const B: usize, const K: usize>(
         &mut self,
-        bank: &mut Config<M, P, B>,
+        bank: &mut Config<M, P, B, K>,
     ) -> Result<(), ImageError> {
-        let count = bank.nodes.len();
-        let pixels = count * bank.window * bank.window;
+        let (count, modes) = (bank.nodes.len(), bank.modes());
+        let pixels = self.windows(bank) * bank.window * bank.window;
         let [phase, ..] = &bank.template.samples;
         match self.section {
             Section::Prefix => {
@@ -224,7 +256,10 @@ impl Loader {
                 self.enter(Section::Head, Form::Records(1));
             }
             Section::Head => self.enter(Section::Calibration, Form::Records(1)),
-            Section::Calibration => {
+            Section::Calibration if self.two_gates => {
+                self.enter(Section::Modal, Form::Records(1));
+            }
+            Section::Calibration | Section::Modal => {
                 let across = self.mask()?.across();
                 self.enter(Section::Rows, Form::Bytes(8 * across, 8));
             }
@@ -233,10 +268,19 @@ impl Loader {
                 let head = self.head.ok_or(ImageError::Malformed)?;
                 bank.set_head(&head, mask.count())?;
                 bank.fill_nodes(&mask);
-                self.enter(Section::Slots, Form::Records(mask.count()));
+                self.enter(Section::Slots, Form::Records(self.windows(bank)));
             }
             Section::Slots => self.enter(Section::Subapertures, Form::Records(count)),
-            Section::Subapertures => {
+            Section::Subapertures if self.two_gates => {
+                self.enter(Section::SecondGate, Form::Records(count));
+            }
+            Section::SecondGate => {
+                self.enter(Section::Gradients, Form::Bytes(4 * modes * count, 4 * modes));
+            }
+            Section::Gradients => {
+                self.enter(Section::Coupling, Form::Bytes(8 * modes * modes, 8 * modes));
+            }
+            Section::Subapertures | Section::Coupling => {
                 let bytes = bank.template.samples.as_flattened().len();
                 self.enter(Section::Template, Form::Bytes(bytes, phase.len()));
             }
@@ -250,15 +294,23 @@ impl Loader {
     }
 
     /// All is there: what follows from it.
-    fn end<const M: usize, const P: usize, const B: usize>(
+    fn end<const M: usize, const P: usize, const B: usize, const K: usize>(
         &mut self,
-        bank: &mut Config<M, P, B>,
+        bank: &mut Config<M, P, B, K>,
     ) -> Result<(), ImageError> {
         let mask = self.mask()?;
         bank.settle(&mask)?;
         bank.mask = Some(mask);
         self.section = Section::End;
         Ok(())
+    }
+
+    /// How many windows there are.
+    fn windows<const M: usize, const P: usize, const B: usize, const K: usize>(
+        &self,
+        bank: &Config<M, P, B, K>,
+    ) -> usize {
+        bank.nodes.len() * if self.two_gates { 2 } else { 1 }
     }
 
     fn mask(&self) -> Result<Mask, ImageError> {

@@ -118,7 +118,10 @@ impl<const M: usize> Mirror<M> {
     }
 
     /// The flat map's codes at once: for a mirror whose drive is off, or that is no hardware.
-    pub(crate) fn cold_start<const P: usize, const B: usize>(&mut self, config: &Config<M, P, B>) {
+    pub(crate) fn cold_start<const P: usize, const B: usize, const K: usize>(
+        &mut self,
+        config: &Config<M, P, B, K>,
+    ) {
         self.driven = true;
         self.subapertures = config.subapertures();
         self.positions.fill(Position::default());
@@ -129,9 +132,9 @@ impl<const M: usize> Mirror<M> {
     /// Lets through of `wanted`, one position a subaperture, what may be; [`Step::drive`] then makes the
     /// codes.
     #[inline(always)]
-    pub(crate) fn pass<const P: usize, const B: usize>(
+    pub(crate) fn pass<const P: usize, const B: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         wanted: impl Iterator<Item = Position>,
     ) -> Step<'_, M> {
         let limits = if config.travel.is_free() {
@@ -149,9 +152,9 @@ impl<const M: usize> Mirror<M> {
     ///
     /// Not inlined, and with a walk of its own: a board may keep the frame path's in other memory.
     #[inline(never)]
-    pub(crate) fn steer<const P: usize, const B: usize>(
+    pub(crate) fn steer<const P: usize, const B: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         ask: &mut dyn FnMut(usize, Position) -> Position,
     ) -> Limits {
         let travel = &config.travel;
@@ -163,17 +166,17 @@ impl<const M: usize> Mirror<M> {
     }
 
     /// A step towards the flat map.
-    pub(crate) fn flatten<const P: usize, const B: usize>(
+    pub(crate) fn flatten<const P: usize, const B: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
     ) -> Limits {
         self.steer(config, &mut |_, _| Position::default())
     }
 
     /// A step of `part`, Q16, of the way to the flat map.
-    pub(crate) fn leak<const P: usize, const B: usize>(
+    pub(crate) fn leak<const P: usize, const B: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         part_q16: u16,
     ) -> Limits {
         self.steer(config, &mut |_, position| segments::leaked(position, part_q16))
@@ -190,7 +193,10 @@ impl<const M: usize> Mirror<M> {
     ///
     /// An actuator beyond that configuration's limits is brought within them by the next step, however
     /// far that is. Where a matrix cannot be inverted the segment counts as flat.
-    pub(crate) fn adopt<const P: usize, const B: usize>(&mut self, config: &Config<M, P, B>) {
+    pub(crate) fn adopt<const P: usize, const B: usize, const K: usize>(
+        &mut self,
+        config: &Config<M, P, B, K>,
+    ) {
         let mechanics = config.segments.iter().zip(&config.responses);
         let state = self.positions.iter_mut().zip(&mut self.heights_ulp).zip(&self.codes);
         for ((segment, responses), ((position, heights_ulp), codes)) in mechanics.zip(state) {
@@ -206,9 +212,9 @@ impl<const M: usize> Mirror<M> {
     /// allocates nothing, and ends after the steps that the slowest segment needs at most. `send` hands the
     /// codes out and lets a frame's time pass; the first codes are those of the step in which the
     /// program ended, that some segments may not have taken.
-    pub(crate) fn emergency<const P: usize, const B: usize>(
+    pub(crate) fn emergency<const P: usize, const B: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         send: &mut dyn FnMut(&[[u16; ACTUATORS]]),
     ) {
         self.steer(config, &mut |_, position| position);
@@ -227,9 +233,9 @@ impl<const M: usize> Mirror<M> {
     ///
     /// Not inlined: it needs all registers.
     #[inline(never)]
-    fn advance<const P: usize, const B: usize>(
+    fn advance<const P: usize, const B: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         wanted: impl Iterator<Item = Position>,
         go: impl FnMut(&Segment, Position, [i32; ACTUATORS], Position) -> Move,
     ) -> Limits {
@@ -238,9 +244,9 @@ impl<const M: usize> Mirror<M> {
 
     /// Wanted positions to positions and heights by `go`, from where a segment is.
     #[inline(always)]
-    fn walk<W, const P: usize, const B: usize>(
+    fn walk<W, const P: usize, const B: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         wanted: impl Iterator<Item = W>,
         mut go: impl FnMut(&Segment, Position, [i32; ACTUATORS], W) -> Move,
     ) -> Limits {
@@ -261,7 +267,10 @@ impl<const M: usize> Mirror<M> {
     ///
     /// Not inlined: it needs all registers.
     #[inline(never)]
-    fn drive<const P: usize, const B: usize>(&mut self, config: &Config<M, P, B>) {
+    fn drive<const P: usize, const B: usize, const K: usize>(
+        &mut self,
+        config: &Config<M, P, B, K>,
+    ) {
         let heights = config.responses.iter().zip(&self.heights_ulp).zip(&mut self.codes);
         let Drive { law, spare_bits } = config.drive;
         match law {
@@ -303,7 +312,10 @@ impl<const M: usize> Step<'_, M> {
     }
 
     /// Makes the codes.
-    pub(crate) fn drive<const P: usize, const B: usize>(self, config: &Config<M, P, B>) {
+    pub(crate) fn drive<const P: usize, const B: usize, const K: usize>(
+        self,
+        config: &Config<M, P, B, K>,
+    ) {
         self.mirror.drive(config);
     }
 }

@@ -136,6 +136,8 @@ pub enum Refusal {
     },
     /// The gate would not fit between two pulses, or the board's timer.
     Gate(crate::gate::GateError),
+    /// The high voltage is on.
+    HighVoltage,
 }
 
 impl fmt::Display for Refusal {
@@ -161,6 +163,7 @@ impl fmt::Display for Refusal {
                 write!(f, "subaperture {subaperture}: heights that no piston, tip and tilt have")
             }
             Self::Gate(error) => error.fmt(f),
+            Self::HighVoltage => f.write_str("the high voltage is on"),
         }
     }
 }

@@ -24,6 +24,7 @@ use crate::config::Config;
 use crate::control::{Control, Taking};
 use crate::fixed::{self, TILT_LIMIT};
 use crate::mirror::{Limits, Mirror};
+use crate::modal::{Modal, ModalConfig, Pair};
 pub use crate::probe::{Probe, Stage};
 use crate::readout::{Readout, Sink};
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
@@ -48,7 +49,7 @@ enum Phase {
 
 /// The state of the reconstructor. `M` and `B` are the capacities of [`Config`].
 #[derive(Debug)]
-pub struct Pipeline<const M: usize, const B: usize> {
+pub struct Pipeline<const M: usize, const B: usize, const K: usize = 0> {
     phase: Phase,
     frame: u32,
     extra_rows: u16,
@@ -59,27 +60,31 @@ pub struct Pipeline<const M: usize, const B: usize> {
     lacking_q16: u32,
     /// Whether pistons are those of a frame.
     warm: bool,
+    /// Of the last complete frame.
+    windows: usize,
     global_tilt: Option<GlobalTilt>,
     totals: Totals,
     readout: Readout<M, B>,
-    /// In subaperture order: of the last complete frame and of the one being read, as in the readout.
+    /// In subaperture order, the second gate's behind the first's: of the last complete frame and of
+    /// the one being read, as in the readout.
     slopes: [[Slope; M]; 2],
     /// Of the frame being read.
     saturated_pixels: u32,
     control: Control<M>,
+    modal: Modal<K>,
     /// In subaperture order: those of the control law, which has them on the grid.
     commands: [[i32; 2]; M],
     sor: Sor<M>,
     mirror: Mirror<M>,
 }
 
-impl<const M: usize, const B: usize> Default for Pipeline<M, B> {
+impl<const M: usize, const B: usize, const K: usize> Default for Pipeline<M, B, K> {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl<const M: usize, const B: usize> Pipeline<M, B> {
+impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
     /// A pipeline that has seen nothing. Its codes become those of the flat mirror with the first
     /// [`Pipeline::reset`] or [`Pipeline::begin`].
     #[must_use]
@@ -92,6 +97,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
             colour: 0,
             lacking_q16: 0,
             warm: false,
+            windows: 0,
             global_tilt: None,
             totals: Totals {
                 updated: 0,
@@ -109,6 +115,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
             slopes: [[Slope { tilt_ulp: [0; 2], valid: false }; M]; 2],
             saturated_pixels: 0,
             control: Control::new(),
+            modal: Modal::new(),
             commands: [[0; 2]; M],
             sor: Sor::new(),
             mirror: Mirror::new(),
@@ -118,7 +125,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     /// Opens the loop: forgets every frame, and sets the codes of the flat mirror at once, without the
     /// slew limit: for a start, a simulated mirror, or one whose drive is off. A mirror that is driven is
     /// ramped to the flat map by [`Controller`](crate::controller::Controller).
-    pub fn reset<const P: usize>(&mut self, config: &Config<M, P, B>) {
+    pub fn reset<const P: usize>(&mut self, config: &Config<M, P, B, K>) {
         self.phase = Phase::Idle;
         self.extra_rows = 0;
         self.restarted = false;
@@ -128,13 +135,13 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     }
 
     /// Forgets what frames have left in the loop, and sets the codes of the flat mirror.
-    fn flatten<const P: usize>(&mut self, config: &Config<M, P, B>) {
+    fn flatten<const P: usize>(&mut self, config: &Config<M, P, B, K>) {
         self.forget(config);
         self.mirror.cold_start(config);
     }
 
     /// Forgets what frames have left in the loop.
-    fn forget<const P: usize>(&mut self, config: &Config<M, P, B>) {
+    fn forget<const P: usize>(&mut self, config: &Config<M, P, B, K>) {
         self.warm = false;
         self.readout.reset(config.window);
         self.control.reset();
@@ -152,7 +159,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     ///
     /// Every exposure must be begun, since the mirror's past is counted in frames: one whose rows
     /// never came is begun and finished without them.
-    pub fn begin<const P: usize>(&mut self, config: &Config<M, P, B>, frame: u32) {
+    pub fn begin<const P: usize>(&mut self, config: &Config<M, P, B, K>, frame: u32) {
         if !self.mirror.is_driven(config.subapertures()) {
             self.flatten(config);
         }
@@ -169,6 +176,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         self.phase = Phase::Reading;
         self.readout.begin();
         self.control.begin();
+        self.modal.begin();
         self.saturated_pixels = 0;
     }
 
@@ -188,7 +196,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     #[inline]
     pub fn push_row<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         pixels: &[u16],
     ) -> Result<Progress, RowError> {
         self.push_rows(config, pixels, 1)
@@ -203,7 +211,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     #[inline]
     pub fn push_rows<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         pixels: &[u16],
         rows: u16,
     ) -> Result<Progress, RowError> {
@@ -235,17 +243,18 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     }
 
     /// Takes a whole frame as measurements made elsewhere, in subaperture order, in place of rows:
-    /// a sensor that centroids by itself, or a simulation without images.
+    /// a sensor that centroids by itself, or a simulation without images. Those of a second gate
+    /// come behind all of the first.
     ///
     /// # Errors
     /// [`RowError::NotBegun`], [`RowError::Extra`] if rows came before, [`RowError::Length`] if
-    /// there is not one measurement a subaperture.
+    /// there is not one measurement a window.
     pub fn push_measurements<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         measurements: &[Measurement],
     ) -> Result<Progress, RowError> {
-        let expected = config.subapertures();
+        let expected = config.windows();
         match self.phase {
             Phase::Idle => Err(RowError::NotBegun),
             _ if self.readout.rows() > 0 => Err(RowError::Extra),
@@ -265,8 +274,8 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     /// The readout, and what takes its measurements.
     fn windows<'a, const P: usize>(
         &'a mut self,
-        config: &'a Config<M, P, B>,
-    ) -> (&'a mut Readout<M, B>, Windows<'a, M>) {
+        config: &'a Config<M, P, B, K>,
+    ) -> (&'a mut Readout<M, B>, Windows<'a, M, K>) {
         let slopes = self.slopes.get_mut(1 - self.readout.complete());
         let windows = Windows {
             calibration: &config.slopes,
@@ -275,13 +284,14 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
             control: self.control.taking(&config.control),
             slopes: slopes.map_or(&mut [], |slopes| slopes),
             special: Special::new(&config.schedule, self.colour, self.lacking_q16),
+            gates: config.modal.is_on().then_some((&config.modal, &mut self.modal)),
             saturated_pixels: &mut self.saturated_pixels,
         };
         (&mut self.readout, windows)
     }
 
     /// Ends the frame: new codes if it was complete, the old ones if not.
-    pub fn finish<const P: usize>(&mut self, config: &Config<M, P, B>) -> Report {
+    pub fn finish<const P: usize>(&mut self, config: &Config<M, P, B, K>) -> Report {
         self.finish_probed(config, &mut ())
     }
 
@@ -289,7 +299,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     #[inline]
     pub fn finish_probed<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         probe: &mut impl Probe,
     ) -> Report {
         let Measured { mut report, hold } = self.measure(config);
@@ -308,7 +318,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     /// it is complete. What then becomes of it is for the caller to say: [`Pipeline::follow`],
     /// [`Pipeline::keep`] or [`Pipeline::steer`].
     #[inline(always)]
-    pub(crate) fn measure<const P: usize>(&mut self, config: &Config<M, P, B>) -> Measured {
+    pub(crate) fn measure<const P: usize>(&mut self, config: &Config<M, P, B, K>) -> Measured {
         let hold = self.reason_to_hold(config);
         self.phase = Phase::Idle;
         let mut report = Report {
@@ -335,7 +345,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     #[inline(never)]
     pub(crate) fn follow<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         mut report: Report,
         probe: &mut impl Probe,
     ) -> Report {
@@ -353,7 +363,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     /// that closes does so without a jump. `cold`: its pistons have nothing to do with the last frames'.
     pub(crate) fn steer<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         (report, hold): (Report, Hold),
         cold: bool,
         step: impl FnOnce(&mut Mirror<M>) -> Limits,
@@ -388,7 +398,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     }
 
     /// Subapertures that the last frame's sub-cycle lights.
-    pub(crate) fn lit<const P: usize>(&self, config: &Config<M, P, B>) -> usize {
+    pub(crate) fn lit<const P: usize>(&self, config: &Config<M, P, B, K>) -> usize {
         if !config.schedule.is_partial() {
             return config.subapertures();
         }
@@ -397,7 +407,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
 
     /// Takes over a configuration of the same mask with another mirror: the codes stay, and all that
     /// frames have left is forgotten but what the mirror shows.
-    pub(crate) fn adopt<const P: usize>(&mut self, config: &Config<M, P, B>) {
+    pub(crate) fn adopt<const P: usize>(&mut self, config: &Config<M, P, B, K>) {
         self.phase = Phase::Idle;
         self.forget(config);
         self.mirror.adopt(config);
@@ -406,7 +416,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     }
 
     /// Commands become what the mirror shows.
-    fn show<const P: usize>(&mut self, config: &Config<M, P, B>) {
+    fn show<const P: usize>(&mut self, config: &Config<M, P, B, K>) {
         let shown = config.nodes.iter().zip(self.mirror.positions());
         for ((node, position), command) in shown.zip(&mut self.commands) {
             self.control.adopt(node.place, position.tilt_ulp);
@@ -414,7 +424,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         }
     }
 
-    fn reason_to_hold<const P: usize>(&self, config: &Config<M, P, B>) -> Option<Hold> {
+    fn reason_to_hold<const P: usize>(&self, config: &Config<M, P, B, K>) -> Option<Hold> {
         let rows = self.readout.rows();
         match self.phase {
             _ if config.subapertures() == 0 => Some(Hold::NotConfigured),
@@ -448,13 +458,14 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     /// Measurements and slopes become those of the complete frame.
     fn commit<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         report: &mut Report,
     ) -> Option<Hold> {
         if config.schedule.is_partial() {
             self.retain(config);
         }
         self.readout.commit(config);
+        self.windows = config.windows();
         report.valid = self.control.valid() as u16;
         report.saturated_pixels = self.saturated_pixels;
         (report.valid == 0).then_some(Hold::NoLight)
@@ -463,7 +474,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     /// What this sub-cycle did not light stays as the last complete frame left it.
     #[cold]
     #[inline(never)]
-    fn retain<const P: usize>(&mut self, config: &Config<M, P, B>) {
+    fn retain<const P: usize>(&mut self, config: &Config<M, P, B, K>) {
         let complete = self.readout.complete();
         let colours = &config.schedule.colours;
         let lit = |i: usize| colours.get(i) == Some(&self.colour);
@@ -477,7 +488,7 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
     /// Control law, pistons, segments and codes.
     fn reconstruct<const P: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         report: &mut Report,
         probe: &mut impl Probe,
     ) {
@@ -491,6 +502,9 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
             self.control.update_part(&config.control, grid, &config.gains, places);
             warm_sweeps = config.schedule.sweeps;
         } else {
+            if config.modal.is_on() {
+                self.modal.correct(&config.modal, &config.nodes, &mut self.control);
+            }
             self.control.update(&config.control, grid, &config.gains);
         }
         probe.after(Stage::Control);
@@ -558,6 +572,24 @@ impl<const M: usize, const B: usize> Pipeline<M, B> {
         complete.and_then(|slopes| slopes.get(..self.mirror.subapertures())).unwrap_or_default()
     }
 
+    /// Those of the second gate; none without one.
+    #[must_use]
+    pub fn second_slopes(&self) -> &[Slope] {
+        let complete = self.slopes.get(self.readout.complete());
+        complete.and_then(|slopes| slopes.get(self.second())).unwrap_or_default()
+    }
+
+    /// Centroids, fluxes and peaks of the second gate; none without one.
+    #[must_use]
+    pub fn second_measurements(&self) -> &[Measurement] {
+        self.readout.measurements().get(self.second()).unwrap_or_default()
+    }
+
+    fn second(&self) -> core::ops::Range<usize> {
+        let count = self.mirror.subapertures();
+        count..self.windows.max(count)
+    }
+
     /// The tip/tilt commands, without the global tilt, ulp, in subaperture order.
     #[must_use]
     pub fn commands(&self) -> &[[i32; 2]] {
@@ -609,25 +641,33 @@ impl<'a> Special<'a> {
 }
 
 /// What becomes of measurements as windows end.
-struct Windows<'a, const M: usize> {
+struct Windows<'a, const M: usize, const K: usize> {
     calibration: &'a [SlopeCalibration],
     nodes: &'a [Node],
     scale: SlopeScale,
     control: Taking<'a, M>,
     slopes: &'a mut [Slope],
     special: Option<Special<'a>>,
+    /// Of a second gate.
+    gates: Option<(&'a ModalConfig<M, K>, &'a mut Modal<K>)>,
     saturated_pixels: &'a mut u32,
 }
 
-impl<const M: usize> Sink for Windows<'_, M> {
-    /// Slope and pseudo-open-loop slope of subaperture `i`.
+impl<const M: usize, const K: usize> Sink for Windows<'_, M, K> {
+    /// Slope and pseudo-open-loop slope of window `i`: a subaperture's, or behind them all its one of
+    /// the second gate.
     #[inline(always)]
     fn take(&mut self, i: usize, measurement: &Measurement) {
         if self.special.is_some() {
             return self.take_special(i, measurement);
         }
-        let (Some(calibration), Some(node), Some(place)) =
-            (self.calibration.get(i), self.nodes.get(i), self.slopes.get_mut(i))
+        let Some(node) = self.nodes.get(i) else {
+            if K > 0 {
+                self.take_second(i, measurement);
+            }
+            return;
+        };
+        let (Some(calibration), Some(place)) = (self.calibration.get(i), self.slopes.get_mut(i))
         else {
             return;
         };
@@ -638,13 +678,19 @@ impl<const M: usize> Sink for Windows<'_, M> {
     }
 }
 
-impl<const M: usize> Windows<'_, M> {
+impl<const M: usize, const K: usize> Windows<'_, M, K> {
     /// [`Sink::take`] of a frame that is not as every other.
     #[cold]
     #[inline(never)]
     fn take_special(&mut self, i: usize, measurement: &Measurement) {
-        let (Some(special), Some(calibration), Some(node), Some(place)) =
-            (&self.special, self.calibration.get(i), self.nodes.get(i), self.slopes.get_mut(i))
+        let Some(node) = self.nodes.get(i) else {
+            if K > 0 {
+                self.take_second(i, measurement);
+            }
+            return;
+        };
+        let (Some(special), Some(calibration), Some(place)) =
+            (&self.special, self.calibration.get(i), self.slopes.get_mut(i))
         else {
             return;
         };
@@ -657,6 +703,26 @@ impl<const M: usize> Windows<'_, M> {
         *place = slope;
         self.control.take(i, node.place, &slope);
         *self.saturated_pixels += u32::from(measurement.saturated);
+    }
+
+    /// [`Sink::take`] of a window of the second gate, whose subaperture's first has ended.
+    #[inline(never)]
+    fn take_second(&mut self, i: usize, measurement: &Measurement) {
+        let (Some((config, modal)), Some(calibration)) = (&mut self.gates, self.calibration.get(i))
+        else {
+            return;
+        };
+        let mut slope = slopes::slope(calibration, self.scale, measurement);
+        if let Some(Special { pulses_q16, .. }) = self.special {
+            slope.valid = slopes::valid_in_proportion(calibration, measurement.flux, pulses_q16);
+        }
+        if let Some(place) = self.slopes.get_mut(i) {
+            *place = slope;
+        }
+        let i = i.wrapping_sub(self.nodes.len());
+        if let (Some(first), Some(applied)) = (self.slopes.get(i), self.control.applied(i)) {
+            modal.take(config, i, &Pair::new(applied, first, &slope));
+        }
     }
 }
 

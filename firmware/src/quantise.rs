@@ -9,11 +9,13 @@ use crate::control::{GAIN_BITS, Gains};
 use crate::error::{ConfigError, Field, Limit};
 use crate::fixed::{CENTROID_BITS, LENGTH_BITS};
 use crate::ladder::LadderLimits;
+use crate::modal::{self, COUPLING_BITS, COUPLING_LIMIT, ModalHead};
 use crate::pixels::{Convention, PixelCalibration};
 use crate::quality::QualityLimits;
 use crate::segments::{ACTUATORS, INFLUENCE_BITS, RATIO_BITS, Segment};
 use crate::slopes::SlopeCalibration;
 use crate::spec::{Estimator, Map, Spec};
+use crate::validate;
 
 /// Heights of the scale that a stroke spans, LSB.
 const STROKE_LSB: f64 = 65536.0;
@@ -32,6 +34,24 @@ pub(crate) struct Quantiser<'a> {
     pub(crate) gain_exponent: u32,
     /// Fraction bits of the segments' ratios.
     pub(crate) ratio_bits: u32,
+}
+
+/// The slope calibration of a gate, and what its fields are called.
+#[derive(Clone, Copy, Debug)]
+struct Gate<'a> {
+    reference_px: Map<'a, [f64; 2]>,
+    gain_m_per_px: Map<'a, [[f64; 2]; 2]>,
+    flux_min_adu: Map<'a, f64>,
+    flux_max_adu: Map<'a, f64>,
+    fields: GateFields,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct GateFields {
+    reference: Field,
+    gain: Field,
+    flux_min: Field,
+    flux_max: Field,
 }
 
 /// `2^bits`.
@@ -110,7 +130,18 @@ impl<'a> Quantiser<'a> {
         each(Field::SegmentMatrix, spec.segments.matrix.entries())?;
         each(Field::Flat, spec.segments.flat_m.entries())?;
         each(Field::HeightLimits, spec.segments.limits_m.entries())?;
-        each(Field::Response, spec.actuators.response_m.entries())
+        each(Field::Response, spec.actuators.response_m.entries())?;
+        let Some(modal) = &spec.modal else { return Ok(()) };
+        each(Field::SecondOrigin, Some(modal.origins.len()))?;
+        each(Field::SecondReference, modal.reference_px.entries())?;
+        each(Field::SecondGain, modal.gain_m_per_px.entries())?;
+        each(Field::SecondFluxMin, modal.flux_min_adu.entries())?;
+        each(Field::SecondFluxMax, modal.flux_max_adu.entries())?;
+        let modes = validate::modes(spec);
+        let rule = "entries: must be one a mode and subaperture";
+        check(Field::Modes, Some(modal.modes.len()), modes * subapertures, rule)?;
+        let rule = "entries: must be two a mode, of each mode";
+        check(Field::Coupling, Some(modal.coupling.len()), 2 * modes * modes, rule)
     }
 
     /// Calls `visit` with the detector index of every window pixel that is not bad.
@@ -118,7 +149,7 @@ impl<'a> Quantiser<'a> {
         &self,
         mut visit: impl FnMut(usize) -> Result<(), ConfigError>,
     ) -> Result<(), ConfigError> {
-        for &origin in self.spec.windows.origins {
+        for origin in self.spec.origins() {
             for (x, y) in self.window(origin).filter(|&(x, y)| !self.is_bad(x, y)) {
                 visit(self.index(x, y))?;
             }
@@ -145,14 +176,16 @@ impl<'a> Quantiser<'a> {
     fn common_exponent(&self) -> Result<u32, ConfigError> {
         let rule = Limit::Rule("each entry must be a number, and the matrix invertible");
         let mut largest = 0.0f64;
-        for i in 0..self.spec.mask.count() {
-            let gain = self.spec.slopes.gain_m_per_px.get(i).unwrap_or([[f64::NAN; 2]; 2]);
-            let [[a, b], [c, d]] = gain;
-            let determinant = a * d - b * c;
-            if !determinant.is_finite() || determinant == 0.0 {
-                return Err(ConfigError::at(Field::SlopeGain, i, determinant, rule));
+        for gate in [Some(self.first_gate()), self.second_gate()].into_iter().flatten() {
+            for i in 0..self.spec.mask.count() {
+                let gain = gate.gain_m_per_px.get(i).unwrap_or([[f64::NAN; 2]; 2]);
+                let [[a, b], [c, d]] = gain;
+                let determinant = a * d - b * c;
+                if !determinant.is_finite() || determinant == 0.0 {
+                    return Err(ConfigError::at(gate.fields.gain, i, determinant, rule));
+                }
+                largest = gain.as_flattened().iter().fold(largest, |m, g| m.max(g.abs()));
             }
-            largest = gain.as_flattened().iter().fold(largest, |m, g| m.max(g.abs()));
         }
         let highest = largest * self.ulp_per_m();
         // A mantissa under the largest exponent that leaves a bit to round on.
@@ -252,24 +285,64 @@ impl<'a> Quantiser<'a> {
 
     /// The slope calibration of subaperture `i`.
     pub(crate) fn slope(&self, i: usize) -> Result<SlopeCalibration, ConfigError> {
+        self.slope_of(&self.first_gate(), i)
+    }
+
+    /// The slope calibration of subaperture `i` in the second gate, if there is one.
+    pub(crate) fn second_slope(&self, i: usize) -> Option<Result<SlopeCalibration, ConfigError>> {
+        self.second_gate().map(|gate| self.slope_of(&gate, i))
+    }
+
+    fn first_gate(&self) -> Gate<'_> {
         let slopes = &self.spec.slopes;
-        let reference = slopes.reference_px.get(i).unwrap_or([f64::NAN; 2]);
+        Gate {
+            reference_px: slopes.reference_px,
+            gain_m_per_px: slopes.gain_m_per_px,
+            flux_min_adu: slopes.flux_min_adu,
+            flux_max_adu: slopes.flux_max_adu,
+            fields: GateFields {
+                reference: Field::ReferenceSlope,
+                gain: Field::SlopeGain,
+                flux_min: Field::FluxMin,
+                flux_max: Field::FluxMax,
+            },
+        }
+    }
+
+    fn second_gate(&self) -> Option<Gate<'_>> {
+        self.spec.modal.as_ref().map(|modal| Gate {
+            reference_px: modal.reference_px,
+            gain_m_per_px: modal.gain_m_per_px,
+            flux_min_adu: modal.flux_min_adu,
+            flux_max_adu: modal.flux_max_adu,
+            fields: GateFields {
+                reference: Field::SecondReference,
+                gain: Field::SecondGain,
+                flux_min: Field::SecondFluxMin,
+                flux_max: Field::SecondFluxMax,
+            },
+        })
+    }
+
+    fn slope_of(&self, gate: &Gate<'_>, i: usize) -> Result<SlopeCalibration, ConfigError> {
+        let fields = gate.fields;
+        let reference = gate.reference_px.get(i).unwrap_or([f64::NAN; 2]);
         for value in reference {
-            ConfigError::check(Field::ReferenceSlope, Some(i), value, (-32.0, 32.0))?;
+            ConfigError::check(fields.reference, Some(i), value, (-32.0, 32.0))?;
         }
         let top = f64::from(u32::MAX) * self.adu_per_unit;
         let flux = |field, map: &Map<'_, f64>, low| {
             ConfigError::check(field, Some(i), map.get(i).unwrap_or(f64::NAN), (low, top))
         };
-        let flux_min = flux(Field::FluxMin, &slopes.flux_min_adu, 0.0)?;
-        let flux_max = flux(Field::FluxMax, &slopes.flux_max_adu, flux_min)?;
-        let gain = slopes.gain_m_per_px.get(i).unwrap_or([[0.0; 2]; 2]);
+        let flux_min = flux(fields.flux_min, &gate.flux_min_adu, 0.0)?;
+        let flux_max = flux(fields.flux_max, &gate.flux_max_adu, flux_min)?;
+        let gain = gate.gain_m_per_px.get(i).unwrap_or([[0.0; 2]; 2]);
         let mantissa = |g: f64| round(g * self.ulp_per_m() / power(self.gain_exponent)) as i16;
         let gain = gain.map(|row| row.map(mantissa));
         let [[a, b], [c, d]] = gain.map(|row| row.map(i32::from));
         if i64::from(a) * i64::from(d) == i64::from(b) * i64::from(c) {
             let rule = Limit::Rule("ulp per pixel: must be invertible after rounding; too small");
-            return Err(ConfigError::at(Field::SlopeGain, i, f64::from(a.max(d)), rule));
+            return Err(ConfigError::at(fields.gain, i, f64::from(a.max(d)), rule));
         }
         Ok(SlopeCalibration {
             reference_q16: reference.map(|r| round(r * power(CENTROID_BITS)) as i32),
@@ -277,6 +350,52 @@ impl<'a> Quantiser<'a> {
             flux_min: (round(flux_min / self.adu_per_unit) as u32).max(1),
             flux_max: round(flux_max / self.adu_per_unit) as u32,
         })
+    }
+
+    /// How the modes are stored; none without a second gate. Refuses what is no number, or above 1.
+    pub(crate) fn modal(&self) -> Result<ModalHead, ConfigError> {
+        let Some(modal) = &self.spec.modal else { return Ok(ModalHead::default()) };
+        let mut largest = 0.0f64;
+        for (i, &q) in modal.modes.as_flattened().iter().enumerate() {
+            ConfigError::check(Field::Modes, Some(i / 2), q, (-1.0, 1.0))?;
+            largest = largest.max(q.abs());
+        }
+        let (least, most) = modal::EXPONENTS;
+        let exponent = (least..=most).rev().find(|&e| largest * power(e) <= 32_767.0);
+        let (modes, exponent) = (validate::modes(self.spec) as u8, exponent.unwrap_or(least) as u8);
+        for k in 0..usize::from(modes) {
+            for j in 0..usize::from(modes) {
+                self.coupling(k, j)?;
+            }
+        }
+        Ok(ModalHead { modes, exponent })
+    }
+
+    /// The gradients of the modes at subaperture `i`.
+    pub(crate) fn gradients<const K: usize>(&self, head: ModalHead, i: usize) -> [[i16; 2]; K] {
+        let mut gradients = [[0; 2]; K];
+        let modes = self.spec.modal.map_or(&[][..], |modal| modal.modes);
+        let of_mode = modes.chunks_exact(self.spec.mask.count().max(1));
+        for (gradient, q) in gradients.iter_mut().zip(of_mode.filter_map(|mode| mode.get(i))) {
+            *gradient = q.map(|q| round(q * power(head.exponent.into())) as i16);
+        }
+        gradients
+    }
+
+    /// What mode `k` takes of mode `j` of the first gate's slopes and of their difference.
+    pub(crate) fn coupling(&self, k: usize, j: usize) -> Result<[i32; 2], ConfigError> {
+        let Some(modal) = &self.spec.modal else { return Ok([0; 2]) };
+        let modes = validate::modes(self.spec);
+        let at = |j: usize| 2 * modes * k + j;
+        let of = |j: usize| modal.coupling.get(at(j)).copied().unwrap_or(f64::NAN);
+        let (b1, b2) = (of(j), of(modes + j));
+        let limit = (-COUPLING_LIMIT, COUPLING_LIMIT);
+        let scaled = |value: f64, j: usize| {
+            let value = value / self.spec.control.lever_arm;
+            let value = ConfigError::check(Field::Coupling, Some(at(j)), value, limit)?;
+            Ok(round(value * power(COUPLING_BITS)) as i32)
+        };
+        Ok([scaled(b1 + b2, j)?, scaled(b2, modes + j)?])
     }
 
     /// The control coefficients of subaperture `i`.

@@ -103,7 +103,9 @@ struct Shared {
 
 impl Shared {
     #[inline(always)]
-    fn new<const M: usize, const P: usize, const B: usize>(config: &Config<M, P, B>) -> Self {
+    fn new<const M: usize, const P: usize, const B: usize, const K: usize>(
+        config: &Config<M, P, B, K>,
+    ) -> Self {
         let peak_fraction = match config.estimator {
             EstimatorConfig::CentreOfGravity { peak_fraction }
             | EstimatorConfig::Weighted { peak_fraction, .. } => peak_fraction,
@@ -182,9 +184,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     /// Takes the next `rows` rows, which have the detector's width; `sink` is given each
     /// measurement when its window has ended.
     #[inline]
-    pub(crate) fn push<const P: usize>(
+    pub(crate) fn push<const P: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         pixels: &[u16],
         rows: u16,
         sink: &mut impl Sink,
@@ -195,11 +197,11 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         if only_floors {
             let met = self.meet(config, rows);
             match (config.window, self.are_whole(config, met, rows)) {
-                (8, true) => self.whole_windows::<8, 4, P>(config, met, pixels),
-                (16, true) => self.whole_windows::<16, 8, P>(config, met, pixels),
-                (8, false) => self.floored_rows::<8, 4, P>(config, met, pixels, rows),
-                (16, false) => self.floored_rows::<16, 8, P>(config, met, pixels, rows),
-                _ => self.floored_rows::<0, 0, P>(config, met, pixels, rows),
+                (8, true) => self.whole_windows::<8, 4, P, K>(config, met, pixels),
+                (16, true) => self.whole_windows::<16, 8, P, K>(config, met, pixels),
+                (8, false) => self.floored_rows::<8, 4, P, K>(config, met, pixels, rows),
+                (16, false) => self.floored_rows::<16, 8, P, K>(config, met, pixels, rows),
+                _ => self.floored_rows::<0, 0, P, K>(config, met, pixels, rows),
             }
             self.end(config, rows, sink);
             return;
@@ -207,9 +209,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         for pixels in pixels.chunks_exact(usize::from(config.width).max(1)) {
             let met = self.meet(config, 1);
             match config.window {
-                8 => self.rows_of::<8, P>(config, met, pixels),
-                16 => self.rows_of::<16, P>(config, met, pixels),
-                _ => self.rows_of::<0, P>(config, met, pixels),
+                8 => self.rows_of::<8, P, K>(config, met, pixels),
+                16 => self.rows_of::<16, P, K>(config, met, pixels),
+                _ => self.rows_of::<0, P, K>(config, met, pixels),
             }
             self.end(config, 1, sink);
         }
@@ -217,7 +219,11 @@ impl<const M: usize, const B: usize> Readout<M, B> {
 
     /// First window that the next `rows` rows meet, and first that they do not meet any more.
     #[inline(always)]
-    fn meet<const P: usize>(&mut self, config: &Config<M, P, B>, rows: u16) -> [usize; 2] {
+    fn meet<const P: usize, const K: usize>(
+        &mut self,
+        config: &Config<M, P, B, K>,
+        rows: u16,
+    ) -> [usize; 2] {
         let [_, next] = &mut self.active;
         let end = self.row.wrapping_add(rows);
         let starts = |slot: &Slot| slot.y0 < end;
@@ -229,9 +235,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
 
     /// Whether the next `rows` rows have all of every window they meet: in readout order the first one
     /// met starts first and the last ends last.
-    fn are_whole<const P: usize>(
+    fn are_whole<const P: usize, const K: usize>(
         &self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         [first, next]: [usize; 2],
         rows: u16,
     ) -> bool {
@@ -245,9 +251,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     ///
     /// Not inlined: it needs all registers.
     #[inline(never)]
-    fn whole_windows<const W: usize, const N: usize, const P: usize>(
+    fn whole_windows<const W: usize, const N: usize, const P: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         [first, next]: [usize; 2],
         pixels: &[u16],
     ) {
@@ -287,9 +293,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     ///
     /// Not inlined: it needs all registers.
     #[inline(never)]
-    fn floored_rows<const W: usize, const N: usize, const P: usize>(
+    fn floored_rows<const W: usize, const N: usize, const P: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         [first, next]: [usize; 2],
         pixels: &[u16],
         rows: u16,
@@ -342,9 +348,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
 
     /// Adds the row to every window it meets. `W` is the window's size, or 0 for any.
     #[inline(never)]
-    fn rows_of<const W: usize, const P: usize>(
+    fn rows_of<const W: usize, const P: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         [first, next]: [usize; 2],
         pixels: &[u16],
     ) {
@@ -414,7 +420,12 @@ impl<const M: usize, const B: usize> Readout<M, B> {
 
     /// Counts `rows` rows as taken and measures every window that has ended with them.
     #[inline(always)]
-    fn end<const P: usize>(&mut self, config: &Config<M, P, B>, rows: u16, sink: &mut impl Sink) {
+    fn end<const P: usize, const K: usize>(
+        &mut self,
+        config: &Config<M, P, B, K>,
+        rows: u16,
+        sink: &mut impl Sink,
+    ) {
         self.row = self.row.wrapping_add(rows);
         let [start, next] = self.active;
         let met = config.slots.get(start..next).unwrap_or_default().iter();
@@ -425,9 +436,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         if end > start {
             match config.estimator {
                 EstimatorConfig::Weighted { gain, .. } => {
-                    self.measure::<true, P>(config, [start, end], gain, sink);
+                    self.measure::<true, P, K>(config, [start, end], gain, sink);
                 }
-                _ => self.measure::<false, P>(config, [start, end], 0, sink),
+                _ => self.measure::<false, P, K>(config, [start, end], 0, sink),
             }
         }
     }
@@ -437,9 +448,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     ///
     /// Not inlined: it needs all registers.
     #[inline(never)]
-    fn measure<const WEIGHTED: bool, const P: usize>(
+    fn measure<const WEIGHTED: bool, const P: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         [start, end]: [usize; 2],
         gain: i32,
         sink: &mut impl Sink,
@@ -484,9 +495,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     }
 
     /// Takes measurements made elsewhere in place of a frame's rows; centroids saturate.
-    pub(crate) fn supply<const P: usize>(
+    pub(crate) fn supply<const P: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         measurements: &[Measurement],
         sink: &mut impl Sink,
     ) {
@@ -513,9 +524,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     }
 
     /// Windows that the frame just read did not light keep what the last complete one left of them.
-    pub(crate) fn retain<const P: usize>(
+    pub(crate) fn retain<const P: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         lit: impl Fn(usize) -> bool,
     ) {
         let pair = [self.complete, 1 - self.complete];
@@ -540,7 +551,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     /// peaks and centroids set the next frame's thresholds, watched rows and weights.
     ///
     /// A window without flux keeps its weight where it was.
-    pub(crate) fn commit<const P: usize>(&mut self, config: &Config<M, P, B>) {
+    pub(crate) fn commit<const P: usize, const K: usize>(&mut self, config: &Config<M, P, B, K>) {
         self.complete = 1 - self.complete;
         if !matches!(config.estimator, EstimatorConfig::Weighted { .. }) {
             return;

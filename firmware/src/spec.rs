@@ -138,6 +138,31 @@ pub struct ControlSpec<'a> {
     pub global_tilt_max_age: u32,
 }
 
+/// A second gate, and what it adds to the control law. See [`crate::modal`].
+///
+/// Its windows have the size of the first's, and lie on the same detector: one pass over the rows
+/// measures both. Maps are over the subapertures; the pixels' calibration is the detector's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ModalSpec<'a> {
+    /// Column and row of each subaperture's first pixel. No window overlaps another of either gate;
+    /// each starts after its subaperture's of the first gate, by row, then column.
+    pub origins: &'a [[u16; 2]],
+    /// As [`SlopeSpec::reference_px`].
+    pub reference_px: Map<'a, [f64; 2]>,
+    /// As [`SlopeSpec::gain_m_per_px`]: of the same path differences in the pupil.
+    pub gain_m_per_px: Map<'a, [[f64; 2]; 2]>,
+    /// As [`SlopeSpec::flux_min_adu`].
+    pub flux_min_adu: Map<'a, f64>,
+    /// As [`SlopeSpec::flux_max_adu`].
+    pub flux_max_adu: Map<'a, f64>,
+    /// q: mode by mode the x and y gradient at each subaperture. 1 to 25 modes, orthonormal over both
+    /// axes and without uniform tilt, within 1/256.
+    pub modes: &'a [[f64; 2]],
+    /// B: mode by mode what it takes of each of the first gate's modes, then of the second's. B over
+    /// [`ControlSpec::lever_arm`], and its two halves' sum over it, within +-64.
+    pub coupling: &'a [f64],
+}
+
 /// The piston solver. See [`crate::sor`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SorSpec {
@@ -258,6 +283,8 @@ pub struct Spec<'a> {
     pub slopes: SlopeSpec<'a>,
     /// The control law.
     pub control: ControlSpec<'a>,
+    /// A second gate; not with a schedule.
+    pub modal: Option<ModalSpec<'a>>,
     /// The piston solver.
     pub sor: SorSpec,
     /// The segments.
@@ -272,6 +299,19 @@ pub struct Spec<'a> {
     pub safety: SafetySpec,
     /// The mirror and the detector it is for.
     pub serials: Serials,
+}
+
+impl<'a> Spec<'a> {
+    /// Origins of all windows: the first gate's, then the second's.
+    pub(crate) fn origins(&self) -> impl Iterator<Item = [u16; 2]> + Clone + use<'a> {
+        let second = self.modal.map_or(&[][..], |modal| modal.origins);
+        self.windows.origins.iter().chain(second).copied()
+    }
+
+    /// How many windows a subaperture has.
+    pub(crate) fn gates(&self) -> usize {
+        1 + usize::from(self.modal.is_some())
+    }
 }
 
 /// Heights of three actuators on a circle of `radius` half pitches, the first one towards +y, for

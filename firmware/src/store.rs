@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! slot     header of 64 bytes, then the image, padded with 0xff
-//! header   "SPLS"  sequence u32  length u32  hash u32  CRC-32 (ISO-HDLC) of these
+//! header   "SPLT"  sequence u32  length u32  hash u32  serial numbers of mirror and detector u32
+//!          CRC-32 (ISO-HDLC) of these
 //! ```
 //!
 //! little-endian. A store erases the slot that has not the newest whole image, writes the image and,
@@ -12,15 +13,16 @@
 
 use crate::config::Config;
 use crate::image::{CRC, ImageError};
+use crate::mirror::Serials;
 use core::fmt;
 use embedded_storage::nor_flash::NorFlash;
 use serde::{Deserialize, Serialize};
 
-const MAGIC: [u8; 4] = *b"SPLS";
+const MAGIC: [u8; 4] = *b"SPLT";
 /// Bytes that are read and written at once: whole flash words of every device in use.
 const BLOCK: usize = 64;
 /// Bytes of the header that say something.
-const HEADER: usize = 20;
+const HEADER: usize = 28;
 
 /// Why nothing was stored or restored.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,6 +74,8 @@ pub struct Stored {
     pub hash: u32,
     /// Length of its image, bytes.
     pub length: u32,
+    /// The hardware that was there.
+    pub serials: Serials,
 }
 
 /// Two slots, the halves of a flash device.
@@ -166,13 +170,14 @@ impl<F: NorFlash> Store<F> {
         Ok(whole.then_some(stored))
     }
 
-    /// Stores `config` in place of the older of the two stored images.
+    /// Stores `config`, and the hardware that is there, in place of the older of the two stored images.
     ///
     /// # Errors
     /// A [`StoreError`]; the newer of them is still there.
-    pub fn store<const M: usize, const P: usize, const B: usize>(
+    pub fn store<const M: usize, const P: usize, const B: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
+        serials: Serials,
     ) -> Result<Stored, StoreError<F::Error>> {
         let length = config.image_bytes() as u32;
         if length == 0 {
@@ -185,7 +190,7 @@ impl<F: NorFlash> Store<F> {
         let newest = self.newest()?;
         let slot = newest.map_or(0, |(slot, _)| 1 - slot);
         let sequence = newest.map_or(0, |(_, stored)| stored.sequence.wrapping_add(1));
-        let stored = Stored { sequence, hash: config.hash(), length };
+        let stored = Stored { sequence, hash: config.hash(), length, serials };
         let start = self.start(slot);
         self.flash.erase(start, start + size).map_err(StoreError::Flash)?;
         let mut writer = Writer {
@@ -209,9 +214,9 @@ impl<F: NorFlash> Store<F> {
     ///
     /// # Errors
     /// A [`StoreError`]; after [`StoreError::Image`] `config` has no subapertures.
-    pub fn restore<const M: usize, const P: usize, const B: usize>(
+    pub fn restore<const M: usize, const P: usize, const B: usize, const K: usize>(
         &mut self,
-        config: &mut Config<M, P, B>,
+        config: &mut Config<M, P, B, K>,
     ) -> Result<Stored, StoreError<F::Error>> {
         let (slot, stored) = self.newest()?.ok_or(StoreError::Nothing)?;
         let start = self.start(slot);
@@ -242,20 +247,22 @@ impl<F: NorFlash> Store<F> {
 
 fn header(stored: &Stored) -> [u8; BLOCK] {
     let mut block = [0xff; BLOCK];
-    let words = [u32::from_le_bytes(MAGIC), stored.sequence, stored.length, stored.hash];
+    let Stored { sequence, hash, length, serials: Serials { mirror, detector } } = *stored;
+    let words = [sequence, length, hash, mirror, detector].map(u32::to_le_bytes);
+    let bytes = MAGIC.iter().chain(words.as_flattened());
     let mut digest = CRC.digest();
-    words.iter().for_each(|word| digest.update(&word.to_le_bytes()));
-    let [a, b, c, d] = words;
-    let bytes = [a, b, c, d, digest.finalize()].map(u32::to_le_bytes);
-    block.iter_mut().zip(bytes.as_flattened()).for_each(|(to, &byte)| *to = byte);
+    bytes.clone().for_each(|&byte| digest.update(&[byte]));
+    let checksum = digest.finalize().to_le_bytes();
+    block.iter_mut().zip(bytes.chain(&checksum)).for_each(|(to, &byte)| *to = byte);
     block
 }
 
 fn parse(block: &[u8; BLOCK]) -> Option<Stored> {
     let (words, _) = block.get(..HEADER)?.as_chunks();
-    let [magic, sequence, length, hash, _] = *words else { return None };
-    let [sequence, length, hash] = [sequence, length, hash].map(u32::from_le_bytes);
-    let stored = Stored { sequence, hash, length };
+    let [magic, sequence, length, hash, mirror, detector, _] = *words else { return None };
+    let [sequence, length, hash, mirror, detector] =
+        [sequence, length, hash, mirror, detector].map(u32::from_le_bytes);
+    let stored = Stored { sequence, hash, length, serials: Serials { mirror, detector } };
     (magic == MAGIC && header(&stored) == *block).then_some(stored)
 }
 

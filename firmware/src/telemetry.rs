@@ -11,9 +11,11 @@
 //! | commands | piston, tip and tilt of each segment after all limits |
 //! | codes | DAC codes of each segment's actuators |
 //! | fluxes | centroid, flux, peak, saturated pixels of each subaperture |
+//! | faults | each, as it is booked, of a frame or not: with every subscription but to nothing |
 
 use crate::centroid::Measurement;
 use crate::controller::FrameResult;
+use crate::fault::{self, Faults};
 use crate::link::{LIST, List};
 use crate::pipeline::Pipeline;
 use crate::segments::{ACTUATORS, Position};
@@ -22,7 +24,10 @@ use crate::strehl;
 use serde::{Deserialize, Serialize};
 
 /// Streams, in the order of [`Record`]'s variants.
-pub const STREAMS: usize = 5;
+pub const STREAMS: usize = 6;
+
+/// Those that come with every n-th frame.
+const WITH_FRAMES: usize = STREAMS - 1;
 
 /// What a frame took, in a board's own units: processor cycles, or those of its counter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -101,6 +106,8 @@ pub enum Record {
         /// In mask order.
         items: List<Measurement>,
     },
+    /// A fault.
+    Fault(fault::Record),
 }
 
 impl Record {
@@ -111,13 +118,14 @@ impl Record {
             Self::Commands { .. } => 2,
             Self::Codes { .. } => 3,
             Self::Fluxes { .. } => 4,
+            Self::Fault(_) => 5,
         }
     }
 }
 
 /// Most bytes on the wire of a frame's record, and of an item of each of the other streams.
 const FRAME_BYTES: u64 = 240;
-const ITEM_BYTES: [u64; STREAMS - 1] = [11, 15, 9, 21];
+const ITEM_BYTES: [u64; WITH_FRAMES - 1] = [11, 15, 9, 21];
 /// Most bytes on the wire of a piece of a list beside its items.
 const PIECE_BYTES: u64 = 24;
 
@@ -145,7 +153,7 @@ impl Decimation {
     /// fifth of that each. Nothing on a link that cannot carry a byte for each.
     #[must_use]
     pub fn for_link(bytes_per_s: u32, frame_ns: u64, subapertures: usize) -> Self {
-        let share = u64::from(bytes_per_s) / (2 * STREAMS as u64);
+        let share = u64::from(bytes_per_s) / (2 * WITH_FRAMES as u64);
         let pieces = subapertures.div_ceil(LIST) as u64;
         let every = |bytes: u64| {
             let ns = bytes.saturating_mul(1_000_000_000);
@@ -170,6 +178,8 @@ pub struct Ring<const R: usize> {
     records: heapless::Deque<Record, R>,
     decimation: Decimation,
     dropped: Dropped,
+    /// Faults that have been told, or were nobody's to be told.
+    told: u32,
 }
 
 impl<const R: usize> Default for Ring<R> {
@@ -182,7 +192,12 @@ impl<const R: usize> Ring<R> {
     /// An empty one, which nothing is put into before [`Ring::subscribe`].
     #[must_use]
     pub const fn new() -> Self {
-        Self { records: heapless::Deque::new(), decimation: Decimation::OFF, dropped: [0; STREAMS] }
+        Self {
+            records: heapless::Deque::new(),
+            decimation: Decimation::OFF,
+            dropped: [0; STREAMS],
+            told: 0,
+        }
     }
 
     /// From now on, these; what there is goes, and the counts start again.
@@ -210,9 +225,9 @@ impl<const R: usize> Ring<R> {
     }
 
     /// Takes what a frame has left: between `finish` and the next `begin`.
-    pub fn fill<const M: usize, const B: usize>(
+    pub fn fill<const M: usize, const B: usize, const K: usize>(
         &mut self,
-        pipeline: &Pipeline<M, B>,
+        pipeline: &Pipeline<M, B, K>,
         result: &FrameResult,
         stamp: &Stamp,
     ) {
@@ -241,6 +256,20 @@ impl<const R: usize> Ring<R> {
             let measurements = pipeline.measurements();
             self.list(measurements, |first, items| Record::Fluxes { frame, first, items });
         }
+    }
+
+    /// Takes the faults that were booked since the last time; what is no longer kept counts as dropped.
+    pub fn tell(&mut self, faults: &Faults) {
+        let new = faults.records().wrapping_sub(self.told);
+        self.told = faults.records();
+        if self.decimation == Decimation::OFF {
+            return;
+        }
+        let kept = faults.last().count();
+        let unknown = (new as usize).min(kept);
+        faults.last().skip(kept - unknown).for_each(|record| self.push(Record::Fault(*record)));
+        let [.., dropped] = &mut self.dropped;
+        *dropped = dropped.saturating_add(new.saturating_sub(unknown as u32));
     }
 
     fn list<T: Copy>(&mut self, all: &[T], record: impl Fn(u16, List<T>) -> Record) {

@@ -192,7 +192,7 @@ impl CentroidStudy {
         };
         let reconstructors = estimates.iter().map(reconstructor).collect::<Result<_, _>>()?;
         let pupil = instrument.pupil()?;
-        let (r0_m, layers) = (instrument.atmosphere.r0_m, instrument.layers());
+        let (r0_m, layers) = (instrument.r0_m(), instrument.layers());
         let turbulence = Turbulence::new(r0_m, &layers, pupil.diameter_m(), pupil.pitch_m(), 1.0)?;
         Ok(Self { pupil, turbulence, instrument, reconstructors, noise })
     }

@@ -9,8 +9,9 @@ use crate::board::{self, Board, BoardError, Options};
 use crate::closed_loop::Sensing;
 use crate::commands;
 use crate::error::Error;
-use crate::instrument::{EstimatorName, Instrument};
+use crate::instrument::{EstimatorName, Instrument, LeverArm};
 use crate::monte_carlo::comparator::Comparator;
+use crate::monte_carlo::shard::Shard;
 use crate::optics::geometric::Sensor;
 use crate::theory::{Layer, PupilRule, Reconstruction};
 use clap::builder::RangedI64ValueParser;
@@ -51,10 +52,16 @@ enum Command {
     Theory(TheoryArgs),
     /// Compares sensors over independent phase screens: the paper's Strehl ratios against D/r0.
     Strehl(StrehlArgs),
+    /// Shows what a second gate, which images the spots on their way, does for SPLASH.
+    Gates(GatesArgs),
     /// Compares centroids of images with exact gradients, with the return path corrected or not.
     Centroids(CentroidsArgs),
     /// Studies spots whose light falls into each other's windows, lit at once and in turn.
     Crosstalk(CrosstalkArgs),
+    /// Follows sensors and control laws to extremely large telescopes, and images beside exact gradients.
+    Scale(ScaleArgs),
+    /// Joins the parts of a Strehl run made with --shard, finished or not.
+    Merge(MergeArgs),
     /// Operates a board over its link.
     Link(LinkArgs),
     /// Makes the paper's figures, the error budget and a page that explains them.
@@ -295,7 +302,7 @@ pub struct StrehlArgs {
     /// Instrument description (TOML), laid over the default one
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
-    /// Subapertures across the pupil, of the same size: 4 to 40, or to 120 with --sensing geometric
+    /// Subapertures across the pupil, of the same size: 4 to 40, or to 128 with --sensing geometric
     #[arg(
         long,
         value_name = "N",
@@ -346,6 +353,9 @@ pub struct StrehlArgs {
     /// Detector without noise, with 16 bits over its range, as in the paper [this is the default]
     #[arg(long, conflicts_with = "noise")]
     pub(crate) noise_free: bool,
+    /// What images have of a spot [default: whole without noise, described with noise]
+    #[arg(long, value_enum)]
+    pub(crate) windows: Option<WindowsName>,
     /// Seed of turbulence and noise
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub(crate) seed: u64,
@@ -353,9 +363,156 @@ pub struct StrehlArgs {
     /// quantisation, images and noise, each switched on in turn under the same screens
     #[arg(long)]
     pub(crate) budget: bool,
+    /// Run one part of n, such as 2/8, for host-sim merge to join: every part has its share of the screens
+    /// of each N, and whatever the parts, the whole is the same to the last bit
+    #[arg(long, value_name = "I/N", allow_negative_numbers = true)]
+    pub(crate) shard: Option<Shard>,
     /// Start even if it takes more than a day
     #[arg(long)]
     pub(crate) long: bool,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
+/// `host-sim merge`.
+///
+/// Joins the directories of host-sim strehl --shard into one like that of a run on one machine, to the last bit.
+/// Parts may be unfinished, or going on: what is missing is counted, and means are over the screens that are
+/// there. Parts of other settings are refused. host-sim strehl with the same settings and the joined directory
+/// as --out runs what is missing.
+#[derive(Clone, Debug, Args)]
+pub struct MergeArgs {
+    /// Directories of parts
+    #[arg(required = true, value_name = "DIR")]
+    pub(crate) parts: Vec<PathBuf>,
+    /// Fail if a screen is missing, and write no results
+    #[arg(long)]
+    pub(crate) complete: bool,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
+/// `host-sim scale`.
+///
+/// Strehl ratio and residual variance against D/r0, under skies that stand still, with loops that have converged:
+/// SPLASH and a laser guide star with each control law, a natural guide star and the best fit by exact gradients,
+/// which need no images and reach 128 subapertures; images without noise through the firmware beside them as far
+/// as they go, and what speckle, window and threshold add there. All under the same screens: differences are
+/// paired. A screen that is finished is kept and not run again.
+#[derive(Clone, Debug, Args)]
+pub struct ScaleArgs {
+    /// Instrument description (TOML), laid over the default one; its layers are held still
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Subapertures across the pupil, of the same size, 4 to 128: by exact gradients
+    #[arg(
+        long,
+        value_name = "N",
+        default_value = "4,8,16,24,32,48,64,96,128",
+        value_delimiter = ',',
+        allow_negative_numbers = true
+    )]
+    pub(crate) n: Vec<usize>,
+    /// Of these, those with images beside them, 4 to 40; none to go without
+    #[arg(
+        long,
+        value_name = "N",
+        default_value = "8,16,32",
+        value_delimiter = ',',
+        num_args = 0..,
+        allow_negative_numbers = true
+    )]
+    pub(crate) images: Vec<usize>,
+    /// Control laws beside the description's with 1: numbers, profile or best, as lever_arm in [control]
+    #[arg(long, value_name = "F", default_value = "profile,best", value_delimiter = ',')]
+    pub(crate) lever_arm: Vec<LeverArm>,
+    /// Independent screens for each N, in place of 200 up to N = 32, 100 up to 64 and 48 beyond
+    #[arg(
+        long,
+        value_name = "SCREENS",
+        value_parser = value_parser!(u32).range(2..=10_000_000),
+        allow_negative_numbers = true
+    )]
+    pub(crate) screens: Option<u32>,
+    /// The same for images, in place of 100 up to N = 8, 50 up to 16 and 16 beyond; never more than for gradients
+    #[arg(
+        long,
+        value_name = "SCREENS",
+        value_parser = value_parser!(u32).range(2..=10_000_000),
+        allow_negative_numbers = true
+    )]
+    pub(crate) image_screens: Option<u32>,
+    /// Seed of turbulence
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub(crate) seed: u64,
+    /// Start even if it takes more than a day
+    #[arg(long)]
+    pub(crate) long: bool,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
+/// What images have of a spot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum WindowsName {
+    /// The description's windows, samples and threshold
+    Described,
+    /// Windows of at least 12 lambda/d, the samples that these take, and no part of the peak as threshold
+    Whole,
+}
+
+/// `host-sim gates`.
+///
+/// One gate with the paper's null-seeking law and with the best number f, two gates combined in 12 and 25 modes,
+/// laser and natural guide star and the best fit, under the same screens, with exact gradients in loops of double
+/// precision. The combination is made for the description's layers, or for those of its [second_gate]; the second
+/// gate is at half the beacon's height unless the description has one. `expected` is the residual variance beyond the
+/// fitting error by theory; the rest is measured, with its standard error in brackets.
+#[derive(Clone, Debug, Args)]
+pub struct GatesArgs {
+    /// Instrument description (TOML), laid over the default one
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Subapertures across the pupil, of the same size, 4 to 40
+    #[arg(
+        long,
+        value_name = "N",
+        default_value = "8,16",
+        value_parser = subapertures(),
+        value_delimiter = ',',
+        allow_negative_numbers = true
+    )]
+    pub(crate) n: Vec<usize>,
+    /// Modes in which two gates are combined: 12, 25
+    #[arg(long, value_name = "MODES", default_value = "12,25", value_delimiter = ',')]
+    pub(crate) modes: Vec<usize>,
+    /// Independent screens for each N
+    #[arg(
+        long,
+        value_name = "SCREENS",
+        default_value_t = 30,
+        value_parser = value_parser!(u32).range(1..=1_000_000),
+        allow_negative_numbers = true
+    )]
+    pub(crate) screens: u32,
+    /// Rms noise of a slope, for each gate, axis and frame, rad of phase at the laser's wavelength from edge to edge of a
+    /// subaperture; the combination is made for it [default: the description's, 0]
+    #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
+    pub(crate) slope_noise: Option<f64>,
+    /// Moving screens: pitches per frame, of every layer in its direction [default: frozen screens]
+    #[arg(long, value_name = "PITCHES", allow_negative_numbers = true)]
+    pub(crate) wind: Option<f64>,
+    /// Frames averaged for each screen [default: 10 if static, else 100], after 40 to settle
+    #[arg(
+        long,
+        value_name = "FRAMES",
+        value_parser = value_parser!(u32).range(1..=1_000_000),
+        allow_negative_numbers = true
+    )]
+    pub(crate) frames: Option<u32>,
+    /// Seed of turbulence and noise
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub(crate) seed: u64,
     #[command(flatten)]
     pub(crate) output: OutputArgs,
 }
@@ -598,8 +755,11 @@ impl Cli {
             Some(Command::Profile(args)) => commands::profile::run(&args),
             Some(Command::Theory(args)) => commands::theory::run(&args),
             Some(Command::Strehl(args)) => commands::strehl::run(&args),
+            Some(Command::Gates(args)) => commands::gates::run(&args),
             Some(Command::Centroids(args)) => commands::centroids::run(&args),
             Some(Command::Crosstalk(args)) => commands::crosstalk::run(&args),
+            Some(Command::Scale(args)) => commands::scale::run(&args),
+            Some(Command::Merge(args)) => commands::merge::run(&args),
             Some(Command::Link(args)) => commands::link::run(&args),
             Some(Command::Reproduce(args)) => commands::reproduce::run(&args),
             Some(Command::Endure(args)) => commands::endure::run(&args),

@@ -31,6 +31,21 @@ pub enum Sensing {
     Geometric,
 }
 
+impl Sensing {
+    /// The name on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Images => "images",
+            Self::Geometric => "geometric",
+        }
+    }
+
+    /// The one of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        [Self::Images, Self::Geometric].into_iter().find(|sensing| sensing.name() == name)
+    }
+}
+
 /// What to run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Run {
@@ -103,13 +118,13 @@ impl<'a> ClosedLoop<'a> {
         if run.frames == 0 {
             return Err(refuse("--frames", 0, "at least 1"));
         }
-        let electrons = instrument.laser.electrons_per_spot;
+        let electrons = instrument.electrons_per_spot()?;
         if !(electrons > 0.0 && electrons <= 1e9) {
             return Err(refuse("laser.electrons_per_spot", electrons, "above 0 and at most 1e9"));
         }
         let pupil = instrument.pupil()?;
         let turbulence = Turbulence::new(
-            instrument.atmosphere.r0_m,
+            instrument.r0_m(),
             &instrument.layers(),
             pupil.diameter_m(),
             pupil.pitch_m(),
@@ -141,6 +156,7 @@ impl<'a> ClosedLoop<'a> {
             ),
             Sensing::Geometric => Eye::Gradients {
                 sensor: GeometricSensor::new(run.sensor, &pupil, &atmosphere, height_m, scale)?
+                    .with_launch(instrument.launch())
                     .into(),
                 centroids: vec![[0.0; 2]; spots],
                 lighting: reconstructor.lighting().clone(),
@@ -263,7 +279,8 @@ impl<'a> ClosedLoop<'a> {
         let scale = instrument.windows.pixels_per_lambda_d;
         let height_m = instrument.laser.beacon_height_m;
         let sensor = self.run.sensor;
-        let sensor = GeometricSensor::new(sensor, &self.pupil, &self.atmosphere, height_m, scale)?;
+        let sensor = GeometricSensor::new(sensor, &self.pupil, &self.atmosphere, height_m, scale)?
+            .with_launch(instrument.launch());
         Ok(TruthSensor { sensor, centroids: vec![[0.0; 2]; self.pupil.subapertures().len()] })
     }
 

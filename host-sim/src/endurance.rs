@@ -98,7 +98,7 @@ impl<'a> Endurance<'a> {
             device: SegmentedMirror::new(instrument),
             mirror: Mirror::flat(count),
             centroids: vec![[0.0; 2]; count],
-            fluxes_e: vec![instrument.laser.electrons_per_spot; count],
+            fluxes_e: vec![instrument.electrons_per_spot()?; count],
             digest: CodeDigest::default(),
             frame: 0,
             counts: Counts::default(),

@@ -21,7 +21,7 @@ mod stacks;
 mod timeline;
 
 pub use detector_frame::{WindowMark, detector_frame};
-pub use error_bars::{Measured, error_bars};
+pub use error_bars::{Measured, error_bars, error_bars_up_to};
 pub use maps::{phase_map, psf, segment_map};
 pub use panels::{Curve, Panel, panels};
 pub use series::strehl_series;

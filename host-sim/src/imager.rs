@@ -53,7 +53,9 @@ impl Imager {
         let origin =
             |window: &[u16; 2]| window.map(|first| usize::from(first).saturating_sub(margin));
         let height_m = instrument.laser.beacon_height_m;
-        let camera = Camera::new(sensor, pupil, atmosphere, height_m, scale, field)?;
+        let camera = Camera::new(sensor, pupil, atmosphere, height_m, scale, field)?
+            .with_launch(instrument.launch())
+            .with_slab(instrument.slab()?, atmosphere)?;
         let detector = reconstructor.detector().clone();
         let pixels = detector.spec().width * detector.spec().height;
         let mut imager = Self {

@@ -4,6 +4,7 @@
 //! merged over it, table by table, and unknown names are refused. [`Instrument::check`] says which
 //! values are out of their limits.
 
+mod beacon;
 mod limits;
 mod schedule;
 mod windows;
@@ -13,6 +14,8 @@ use crate::detector::BadPixel;
 use crate::error::{Error, refuse};
 use crate::optics::geometric::Sensor;
 use crate::pupil::Pupil;
+use crate::theory;
+use crate::theory::lever_arm::{self, Beacon};
 use clap::ValueEnum;
 pub use schedule::{Colours, Lattice, LatticeName, PowerName, ScheduleSection};
 use serde::{Deserialize, Serialize};
@@ -31,6 +34,8 @@ pub struct Instrument {
     pub telescope: Telescope,
     pub atmosphere: AtmosphereSection,
     pub laser: Laser,
+    pub second_gate: SecondGate,
+    pub photons: PhotonsSection,
     pub science: ScienceSection,
     pub detector: DetectorSection,
     pub windows: Windows,
@@ -84,6 +89,7 @@ pub enum PupilName {
 #[allow(missing_docs, reason = "documented once, in the default file that users read")]
 pub struct AtmosphereSection {
     pub r0_m: f64,
+    pub r0_wavelength_m: f64,
     pub layers: Vec<LayerSection>,
 }
 
@@ -106,10 +112,79 @@ pub struct Laser {
     pub wavelength_m: f64,
     pub beacon_height_m: f64,
     pub gate_depth_m: f64,
+    pub slices: usize,
+    pub scatterer: ScattererName,
     pub zenith_angle_deg: f64,
     pub pulse_rate_hz: f64,
     pub pulses_per_frame: u32,
     pub electrons_per_spot: f64,
+    pub launch: LaunchName,
+    pub launch_waist_pitches: f64,
+}
+
+/// Intensity over a subaperture of the beam launched through it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum LaunchName {
+    Uniform,
+    Gaussian,
+}
+
+/// What scatters the laser's light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum ScattererName {
+    Rayleigh,
+    Sodium,
+}
+
+/// How much of the laser's light comes back.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct PhotonsSection {
+    pub number: PhotonNumberName,
+    pub laser_power_w: f64,
+    pub launch_throughput: f64,
+    pub transmission: f64,
+    pub receive_throughput: f64,
+    pub quantum_efficiency: f64,
+    pub site_altitude_m: f64,
+    pub sodium_altitude_m: f64,
+    pub sodium_fwhm_m: f64,
+    pub sodium_atoms_per_m2: f64,
+    pub sodium_cross_section_m2: f64,
+}
+
+/// Where the number of photo-electrons comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum PhotonNumberName {
+    Given,
+    Lidar,
+}
+
+/// The second gate, and what it is combined for with the first.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct SecondGate {
+    pub height_m: f64,
+    pub modes: usize,
+    pub slope_noise_rad: f64,
+    pub layers: Vec<ExpectedLayer>,
+}
+
+/// A layer that is expected.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub struct ExpectedLayer {
+    pub weight: f64,
+    pub height_m: f64,
 }
 
 /// The science camera.
@@ -178,9 +253,52 @@ pub enum ThresholdName {
 #[allow(missing_docs, reason = "documented once, in the default file that users read")]
 pub struct ControlSection {
     pub gain: f64,
-    pub lever_arm: f64,
+    pub lever_arm: LeverArm,
     pub delay_frames: u8,
     pub sweeps: u16,
+}
+
+/// What makes up for the lever arm: a factor, or how it follows from the turbulence profile.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = r#"must be a number, "profile" or "best""#)]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum LeverArm {
+    Factor(f64),
+    Named(LeverArmName),
+}
+
+/// A lever arm that follows from the turbulence profile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs, reason = "documented once, in the default file that users read")]
+pub enum LeverArmName {
+    Profile,
+    Best,
+}
+
+impl std::str::FromStr for LeverArm {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.trim() {
+            "profile" => Ok(Self::Named(LeverArmName::Profile)),
+            "best" => Ok(Self::Named(LeverArmName::Best)),
+            number => match number.parse() {
+                Ok(factor) => Ok(Self::Factor(factor)),
+                Err(_) => Err("must be a number, profile or best".into()),
+            },
+        }
+    }
+}
+
+impl std::fmt::Display for LeverArm {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Factor(factor) => write!(f, "{factor}"),
+            Self::Named(LeverArmName::Profile) => f.write_str("profile"),
+            Self::Named(LeverArmName::Best) => f.write_str("best"),
+        }
+    }
 }
 
 /// The segmented mirror.
@@ -250,6 +368,12 @@ pub struct SerialsSection {
 /// Part of the peak that is a spot's threshold where there is no noise.
 const NOISE_FREE_PEAK_FRACTION: f64 = 0.005;
 
+/// Side of a window that holds a whole spot, lambda/d: what is beyond it costs the Strehl ratio less than 0.003
+/// at D/r0 = 8 (8 lambda/d cost up to 0.007, 16 less than 0.001 at four times the work).
+const WHOLE_SPOT_LAMBDA_D: f64 = 12.0;
+/// Pixels on the side of the largest window that optics and firmware take.
+const LARGEST_WINDOW: usize = 32;
+
 impl Instrument {
     /// The default instrument.
     ///
@@ -303,6 +427,21 @@ impl Instrument {
         detector.dark_e_per_frame = 0.0;
         let fraction = &mut self.centroids.peak_fraction;
         *fraction = fraction.min(NOISE_FREE_PEAK_FRACTION);
+        self
+    }
+
+    /// The same instrument with windows of at least 12 lambda/d, as far as 32 pixels reach, the optical samples
+    /// that such a field takes, and no threshold relative to a spot's peak: centroids are those of whole
+    /// spots, speckled wings and all. A window of the description's that is larger stays.
+    #[must_use]
+    pub fn with_whole_spots(mut self) -> Self {
+        let windows = &mut self.windows;
+        let wanted = (WHOLE_SPOT_LAMBDA_D * windows.pixels_per_lambda_d).ceil() as usize;
+        windows.size = windows.size.max(wanted.min(LARGEST_WINDOW));
+        windows.spacing_px = windows.spacing_px.max(windows.size);
+        let field = (windows.size as f64 / windows.pixels_per_lambda_d).ceil() as usize;
+        self.telescope.samples = self.telescope.samples.max(field);
+        self.centroids.peak_fraction = 0.0;
         self
     }
 
@@ -365,6 +504,50 @@ impl Instrument {
             wind_direction_deg: l.wind_direction_deg,
         };
         self.atmosphere.layers.iter().map(layer).collect()
+    }
+
+    /// The control law's factor f for `sensor`: the description's, or the one that it names; a star has no lever
+    /// arm, and one by name is 1 for it.
+    ///
+    /// # Errors
+    /// [`Error::Config`] if it cannot be found from the layers, or is out of its limits.
+    pub fn lever_arm(&self, sensor: Sensor) -> Result<f64, Error> {
+        let name = match self.control.lever_arm {
+            LeverArm::Factor(factor) => return Ok(factor),
+            LeverArm::Named(name) => name,
+        };
+        let beacon = match sensor {
+            Sensor::Splash => Beacon::Splash,
+            Sensor::Lgs => Beacon::Lgs,
+            Sensor::Ngs => return Ok(1.0),
+        };
+        let height_m = self.laser.beacon_height_m;
+        let layer =
+            |l: &Layer| theory::Layer { weight: l.weight, beta: 1.0 - l.height_m / height_m };
+        let layers: Vec<theory::Layer> =
+            self.layers().iter().map(layer).filter(|layer| layer.weight > 0.0).collect();
+        if let Some(low) = layers.iter().find(|layer| !theory::BETAS.contains(&layer.beta)) {
+            let limit = format!(
+                "a number where turbulence is beyond 0.9 of the beacon's height: a layer is at {:.3}",
+                1.0 - low.beta
+            );
+            return Err(refuse("control.lever_arm", self.control.lever_arm, &limit));
+        }
+        let factor = match name {
+            LeverArmName::Profile => lever_arm::alone(&layers),
+            LeverArmName::Best => lever_arm::least_variance(&layers, beacon),
+        };
+        limits::check_lever_arm(factor)?;
+        Ok(factor)
+    }
+
+    /// The same instrument with the factor for `sensor` in place of a name.
+    ///
+    /// # Errors
+    /// As [`Instrument::lever_arm`].
+    pub fn with_lever_arm_of(mut self, sensor: Sensor) -> Result<Self, Error> {
+        self.control.lever_arm = LeverArm::Factor(self.lever_arm(sensor)?);
+        Ok(self)
     }
 
     /// The same instrument with another sensor: a guide star lights all subapertures at once, each of which

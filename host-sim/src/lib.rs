@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`instrument`] | the TOML description of an instrument |
 //! | [`pupil`], [`screen`], [`atmosphere`] | subapertures and segments, phase screens, frozen flow |
+//! | [`beacon`], [`standard_atmosphere`] | what scatters the laser's light, how much comes back |
 //! | [`optics`] | images of the spots, exact gradients, the science star |
 //! | [`detector`] | electrons to ADU |
 //! | [`lighting`] | which spots are lit in a frame |
@@ -27,6 +28,7 @@
 //! | [`cli`], [`commands`] | the command line |
 
 pub mod atmosphere;
+pub mod beacon;
 pub mod board;
 pub mod calibration;
 pub mod centroid_study;
@@ -50,7 +52,9 @@ pub mod optics;
 pub mod profile;
 pub mod pupil;
 pub mod quick;
+pub mod range_diversity;
 pub mod reconstructor;
 pub mod screen;
+pub mod standard_atmosphere;
 pub mod summary;
 pub mod theory;

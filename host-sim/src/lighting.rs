@@ -1,7 +1,7 @@
 //! Which spots are lit in a frame, and with how much of the laser's light.
 //!
 //! A schedule ([`splash_firmware::schedule`]) colours the subapertures; frame k lights the spots of colour
-//! k modulo the number of colours. A lit spot has `laser.electrons_per_spot`; or, with
+//! k modulo the number of colours. A lit spot has the photo-electrons of [`Instrument::electrons_per_spot`]; or, with
 //! `schedule.power = "shared"`, the laser's power, which is enough to light all N spots like that, goes to
 //! the n of the colour, and each has N / n times as much.
 
@@ -25,7 +25,7 @@ impl Lighting {
     /// # Errors
     /// [`Error::Config`] for a schedule that cannot be.
     pub fn new(instrument: &Instrument) -> Result<Self, Error> {
-        Ok(Self::of(instrument, instrument.colours()?))
+        Self::of(instrument, instrument.colours()?)
     }
 
     /// That of the schedule on a pupil, which may be larger than any that the firmware takes.
@@ -34,12 +34,12 @@ impl Lighting {
     /// As [`Lighting::new`].
     pub fn on(instrument: &Instrument, pupil: &Pupil) -> Result<Self, Error> {
         let cells: Vec<_> = pupil.subapertures().iter().map(|&[x, y]| (x, y)).collect();
-        Ok(Self::of(instrument, instrument.colours_of(pupil.across(), &cells)?))
+        Self::of(instrument, instrument.colours_of(pupil.across(), &cells)?)
     }
 
-    fn of(instrument: &Instrument, colours: Vec<u8>) -> Self {
+    fn of(instrument: &Instrument, colours: Vec<u8>) -> Result<Self, Error> {
         let count = colours.iter().max().map_or(1, |&last| usize::from(last) + 1);
-        let each = instrument.laser.electrons_per_spot;
+        let each = instrument.electrons_per_spot()?;
         let electrons = |colour: usize| match instrument.schedule.power {
             PowerName::PerSpot => each,
             PowerName::Shared => {
@@ -47,7 +47,7 @@ impl Lighting {
                 each * colours.len() as f64 / lit.max(1) as f64
             }
         };
-        Self { electrons: (0..count).map(electrons).collect(), colours }
+        Ok(Self { electrons: (0..count).map(electrons).collect(), colours })
     }
 
     /// Frames of a cycle, each of which lights a colour: 1 without a schedule.

@@ -37,10 +37,14 @@
 //! | [`point`] | one size of pupil: what all its screens have in common, and one screen |
 //! | [`budget`] | what is run under a screen: a sensor, or a step of its error budget |
 //! | [`gradient_loop`] | a loop of exact gradients in double precision |
+//! | [`slope_control`] | its control law |
 //! | [`converged`] | what it converges to |
 //! | [`pistons`] | its least-squares pistons |
+//! | [`gates`] | one gate, two gates and guide stars under the same screens |
 //! | [`campaign`] | screens in parallel |
 //! | [`checkpoint`] | finished screens on the disk |
+//! | [`shard`] | a part of a run, for one of several machines |
+//! | [`settings`] | what a run was asked for |
 //! | [`cost`] | time and memory before a start |
 //! | [`statistics`] | means, errors and paired differences |
 
@@ -50,7 +54,11 @@ pub mod checkpoint;
 pub mod comparator;
 pub mod converged;
 pub mod cost;
+pub mod gates;
 pub mod gradient_loop;
 pub mod pistons;
 pub mod point;
+pub mod settings;
+pub mod shard;
+pub mod slope_control;
 pub mod statistics;

@@ -3,7 +3,7 @@
 use crate::optics::OpticsError;
 
 /// Largest number of subapertures across a pupil.
-pub const MAX_ACROSS: usize = 120;
+pub const MAX_ACROSS: usize = 128;
 /// Largest number of phase samples across a subaperture.
 pub const MAX_SAMPLES: usize = 32;
 

@@ -7,6 +7,7 @@ use crate::instrument::{
     Centroids, EstimatorName, Instrument, ResponseName, ShortFrameName, ThresholdName,
 };
 use crate::lighting::Lighting;
+use crate::optics::geometric::Sensor;
 use splash_firmware::actuators::Law;
 use splash_firmware::gate::{GateSpec, ShortFrame};
 use splash_firmware::geometry::Mask;
@@ -38,6 +39,8 @@ pub struct Reconstructor {
     lighting: Lighting,
     /// Least and greatest flux of each subaperture's valid measurements, calibrated ADU.
     flux_limits_adu: [Vec<f64>; 2],
+    /// The control law's factor: SPLASH's, if the description has it by name.
+    lever_arm: f64,
 }
 
 /// What is known of each pixel, row-major.
@@ -96,6 +99,7 @@ impl Reconstructor {
             slopes: SlopeCalibration::ideal(instrument, mask.count()),
             flux_limits_adu,
             lighting,
+            lever_arm: instrument.lever_arm(Sensor::Splash)?,
             instrument: instrument.clone(),
             mask,
             detector,
@@ -204,10 +208,11 @@ impl Reconstructor {
             },
             control: ControlSpec {
                 gain: Map::Uniform(control.gain),
-                lever_arm: control.lever_arm,
+                lever_arm: self.lever_arm,
                 delay_frames: control.delay_frames,
                 global_tilt_max_age: GLOBAL_TILT_MAX_AGE,
             },
+            modal: None,
             sor: SorSpec {
                 sweeps: (control.sweeps > 0).then_some(control.sweeps),
                 ..SorSpec::default()

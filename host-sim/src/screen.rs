@@ -6,8 +6,9 @@ pub(crate) use brownian::BrownianTorus;
 
 use crate::optics::OpticsError;
 
-/// Largest screen, in texels. One screen of this size takes 3.2 GB while it is generated.
-pub const MAX_TEXELS: u64 = 1 << 27;
+/// Largest screen, in texels: that of a layer that stands still over 128 subapertures, six footprints of 16 texels
+/// for each on a side. One screen of this size takes 3.6 GB while it is generated.
+pub const MAX_TEXELS: u64 = 12_288 * 12_288;
 
 /// 2 [24/5 Gamma(6/5)]^(5/6): the phase structure function is this times (r/r0)^(5/3).
 pub const STRUCTURE_CONSTANT: f64 = 6.883_877_182_293_811;
@@ -44,14 +45,19 @@ impl Screen {
         for (side, extent) in sides.iter_mut().zip(extent_m) {
             let texels = (positive("extent_m", extent)? / texel_m).ceil() + 8.0;
             if texels > MAX_TEXELS as f64 {
-                return Err(OpticsError::range("extent_m / texel_m", texels, "<= 2^27"));
+                let limit = format!("<= {MAX_TEXELS}");
+                return Err(OpticsError::range("extent_m / texel_m", texels, limit));
             }
             *side = texels as usize;
         }
         let [width, height] = sides;
         if (width * height) as u64 > MAX_TEXELS {
             let value = (width * height) as f64;
-            return Err(OpticsError::range("texels of a screen", value, "<= 2^27"));
+            return Err(OpticsError::range(
+                "texels of a screen",
+                value,
+                format!("<= {MAX_TEXELS}"),
+            ));
         }
         let first_m = sides.map(|side| -(side as f64 - 1.0) / 2.0 * texel_m);
         let mut texels = Vec::with_capacity(width * height);

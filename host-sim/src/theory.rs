@@ -12,6 +12,7 @@
 //! | [`phase_covariance`] | <a_j phi(x)> |
 //! | [`legendre`], [`mean_gradient`] | means over squares |
 //! | [`reconstructor`] | D, D' and their inverses |
+//! | [`lever_arm`] | how much a beacon's gradients have to be raised |
 //! | [`residuals`] | <(b - b')^2> / <b^2> and <(a - b')^2> / <a^2> by radial order |
 //!
 //! Lengths are in units of the pupil's radius, variances in rad^2 for D / r0 = 1; the results are
@@ -34,6 +35,7 @@
 pub mod covariance;
 pub mod kolmogorov;
 pub mod legendre;
+pub mod lever_arm;
 pub mod mean_gradient;
 pub mod noll;
 pub mod phase_covariance;

@@ -303,7 +303,7 @@ fn help_has_defaults_and_units() {
         ("frames", &["<FILE>", "FITS", "default: 500", "4 to 40", "JSON"][..]),
         ("replay", &["<FILE>", "target/splash", "TOML", "JSON"]),
         ("config", &["TOML", "default"]),
-        ("strehl", &["4 to 40", "to 120", "default: 30", "per frame", "0.5", "JSON"]),
+        ("strehl", &["4 to 40", "to 128", "default: 30", "per frame", "0.5", "JSON"]),
         ("reproduce", &["4 to 40", "30 screens", "150 screens", "TOML", "JSON"]),
         ("theory", &["4 to 40", "8,12", "0.75", "0.6:1,0.4:0.75", "7, 10 and 13", "JSON"]),
     ] {

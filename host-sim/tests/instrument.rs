@@ -115,9 +115,10 @@ fn written_and_read_again_it_is_the_same() {
 }
 
 /// For each whole number of the default description: too small, where it can be, and too large.
-const WRONG_COUNTS: [(&str, &[u32]); 16] = [
+const WRONG_COUNTS: [(&str, &[u32]); 17] = [
     ("telescope.subapertures", &[0, 3, 41]),
     ("telescope.samples", &[0, 1, 33]),
+    ("laser.slices", &[65]),
     ("laser.pulses_per_frame", &[0, 1_000_001]),
     ("detector.bits", &[0, 7, 17]),
     ("windows.size", &[0, 3, 33]),

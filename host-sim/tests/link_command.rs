@@ -213,7 +213,7 @@ import numpy as np
 from astropy.io import fits
 with fits.open(sys.argv[1], checksum=True) as hdus:
     hdus.verify("exception")
-    assert [h.name for h in hdus] == ["CONFIG", "FRAMES", "SLOPES", "COMMANDS", "CODES", "FLUXES"]
+    assert [h.name for h in hdus] == ["CONFIG", "FRAMES", "SLOPES", "COMMANDS", "CODES", "FLUXES", "FAULTS"]
     frames = hdus["FRAMES"].data
     assert len(frames) == 20 and np.all(np.diff(frames["FRAME"]) == 1)
     assert np.all(frames["MODE"] == "closed loop") and np.all(frames["UPDATED"])
@@ -237,6 +237,29 @@ with fits.open(sys.argv[1], checksum=True) as hdus:
     }
     let output = Command::new(interpreter).arg("-c").arg(script).arg(&file).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Whoever has put another mirror in says so; what was made for the one before is not armed.
+#[test]
+fn hardware_is_stated_and_compared() {
+    let directory = tempfile::TempDir::new().unwrap();
+    let config = small(directory.path());
+    std::fs::write(&config, format!("{SMALL}[serials]\nmirror = 17\n")).unwrap();
+    let found = results("host", &config, "hardware 17 4\nstore\nstatus\n");
+    assert_eq!(
+        (&found[1]["stored"]["mirror"], &found[1]["stored"]["detector"]),
+        (&17.into(), &4.into())
+    );
+    assert_eq!((&found[2]["mirror"], &found[2]["detector"]), (&17.into(), &4.into()));
+    let script = directory.path().join("other.script");
+    std::fs::write(&script, "hardware 18 4\narm\n").unwrap();
+    let [config, script] = [&config, &script].map(|path| path.to_str().unwrap());
+    let (code, message) =
+        failure(&["--board", "host", "--config", config, "--script", script, "--json"]);
+    assert_eq!(code, Some(1), "{message}");
+    assert!(message.contains("serials.mirror = 17: must be 18, or 0 for any"), "{message}");
+    let again = "hardware 18 4\nhardware 17 4\narm\n";
+    assert_eq!(results("host", Path::new(config), again).len(), 3);
 }
 
 /// The board's end of a serial line. Where no request comes, a frame does.

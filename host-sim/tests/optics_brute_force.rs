@@ -4,6 +4,7 @@
 use host_sim::atmosphere::{Atmosphere, Layer};
 use host_sim::optics::camera::Camera;
 use host_sim::optics::geometric::Sensor;
+use host_sim::optics::slab::Slab;
 use host_sim::optics::splash_image::{PIXELS_PER_LAMBDA_D, SplashCamera};
 use host_sim::pupil::{Mirror, Pupil};
 use host_sim::screen::Screen;
@@ -54,15 +55,15 @@ fn screen_phase(screen: &Screen, at: [f64; 2], above_axis: [f64; 2]) -> f64 {
     cubic(rows, place[1] - place[1].floor()) + plane
 }
 
-/// Phase less the mirror's at sample (row, col), on the way from a beacon at `source`, m from the axis, or
-/// from a star.
+/// Phase less the mirror's at sample (row, col), on the way from a beacon at `source`, m from the axis and m
+/// high, or from a star.
 fn path_phase(
     pupil: &Pupil,
     atmosphere: &Atmosphere,
     layers: &[Layer],
     time_s: f64,
     mirror: &Mirror,
-    source: Option<[f64; 2]>,
+    source: Option<[f64; 3]>,
     [row, col]: [usize; 2],
 ) -> f64 {
     let (n, d) = (pupil.samples(), pupil.pitch_m());
@@ -71,7 +72,7 @@ fn path_phase(
     let x = [coordinate(col), coordinate(row)];
     let mut phase = 0.0;
     for (layer, screen) in layers.iter().zip(atmosphere.screens()) {
-        let b = source.map_or(1.0, |_| 1.0 - layer.height_m / BEACON_M);
+        let b = source.map_or(1.0, |[.., height_m]| 1.0 - layer.height_m / height_m);
         let angle = layer.wind_direction_deg.to_radians();
         let flown = [angle.cos(), angle.sin()].map(|c| -layer.wind_speed_m_per_s * time_s * c);
         let at = [0, 1].map(|k| b * x[k] + (1.0 - b) * source.unwrap_or_default()[k] + flown[k]);
@@ -172,10 +173,9 @@ fn scene() -> (Pupil, [Layer; 3], Atmosphere, Mirror) {
 
 #[test]
 fn images_of_guide_stars_equal_brute_force() {
-    const FINE: usize = 128;
     let (pupil, layers, atmosphere, mirror) = scene();
     let time_s = 0.0371;
-    for (sensor, source) in [(Sensor::Lgs, Some([0.0; 2])), (Sensor::Ngs, None)] {
+    for (sensor, source) in [(Sensor::Lgs, Some([0.0, 0.0, BEACON_M])), (Sensor::Ngs, None)] {
         let mut images = vec![0.0; 12 * PIXELS];
         let camera =
             Camera::new(sensor, &pupil, &atmosphere, BEACON_M, PIXELS_PER_LAMBDA_D, WINDOW);
@@ -187,13 +187,7 @@ fn images_of_guide_stars_equal_brute_force() {
             };
             let amplitude: Vec<Vec<_>> =
                 (0..8).map(|row| (0..8).map(|col| sample(row, col)).collect()).collect();
-            let spread = point_spread(&amplitude, FINE);
-            // From minus to plus half a period; a mean of one makes the light of a period one.
-            let wrap = |k: usize| (k + FINE / 2) % FINE;
-            let line = |ky: usize| -> Vec<f64> {
-                (0..=FINE).map(|kx| spread[wrap(ky)][wrap(kx)] / (FINE * FINE) as f64).collect()
-            };
-            let expected = integrate(&(0..=FINE).map(line).collect::<Vec<_>>());
+            let expected = through_one(&amplitude);
             let peak = expected.iter().copied().fold(0.0, f64::max);
             let differ = |(a, b): (&f32, &f64)| (f64::from(*a) - b).abs() / peak;
             let worst = image.iter().zip(&expected).map(differ).fold(0.0, f64::max);
@@ -223,7 +217,8 @@ fn images_of_spots_equal_brute_force() {
             let sample = |row: usize, col: usize| {
                 let at = [row, col];
                 inside(col / 8, row / 8).then(|| {
-                    let source = Some(subaperture.map(centre));
+                    let [x, y] = subaperture.map(centre);
+                    let source = Some([x, y, BEACON_M]);
                     path_phase(&pupil, &atmosphere, &layers, time_s, &mirror, source, at)
                 })
             };
@@ -245,4 +240,78 @@ fn images_of_spots_equal_brute_force() {
         assert!(worst < 1e-5, "spot {spot}: pixels differ by {worst} of the peak");
         assert!(shift < 1e-5 * signal, "spot {spot}: {shift} px of {signal} px");
     }
+}
+
+/// Fresnel's integral for a slab of two slices out of focus: phases are k times the path lengths from the place
+/// of the scatterers to the pupil, less those from the focus, and each way has its own cone.
+#[test]
+fn images_of_deep_beacons_equal_path_lengths() {
+    const WAVELENGTH_M: f64 = 532e-9;
+    let slices = [(11_880.0, 0.3), (12_150.0, 0.7)];
+    let (pupil, layers, atmosphere, mirror) = scene();
+    let time_s = 0.0371;
+    let centre = |k: usize| (k as f64 + 0.5) * pupil.pitch_m() - pupil.diameter_m() / 2.0;
+    let coordinate = |k: usize| (k as f64 + 0.5) * pupil.pitch_m() / 8.0 - pupil.diameter_m() / 2.0;
+    // sqrt(z^2 + r^2) - z, without cancellation.
+    let longer = |z: f64, square: f64| square / ((z * z + square).sqrt() + z);
+    let defocus = |z: f64, [x, y]: [f64; 2], [row, col]: [usize; 2]| {
+        let square = (coordinate(col) - x).powi(2) + (coordinate(row) - y).powi(2);
+        TAU / WAVELENGTH_M * (longer(z, square) - longer(BEACON_M, square))
+    };
+    let slab = Slab::new(BEACON_M, WAVELENGTH_M, &slices).unwrap();
+    for sensor in [Sensor::Splash, Sensor::Lgs] {
+        let mut images = vec![0.0; 12 * PIXELS];
+        Camera::new(sensor, &pupil, &atmosphere, BEACON_M, PIXELS_PER_LAMBDA_D, WINDOW)
+            .unwrap()
+            .with_slab(slab.clone(), &atmosphere)
+            .unwrap()
+            .expose(&atmosphere, time_s, &mirror, &mut images);
+        for spot in [0, 7] {
+            let subaperture = pupil.subapertures()[spot];
+            let [x, y] = if sensor == Sensor::Splash { subaperture.map(centre) } else { [0.0; 2] };
+            let phase = |cone_m: f64, z: f64, at: [usize; 2]| {
+                path_phase(&pupil, &atmosphere, &layers, time_s, &mirror, Some([x, y, cone_m]), at)
+                    + defocus(z, [x, y], at)
+            };
+            let mut expected = vec![0.0; PIXELS];
+            for (z, share) in slices {
+                let amplitude = |cone_m: f64, inside: &dyn Fn(usize, usize) -> bool| {
+                    let sample = |row: usize, col: usize| {
+                        inside(col / 8, row / 8).then(|| phase(cone_m, z, [row, col]))
+                    };
+                    let line = |row| (0..32).map(|col| sample(row, col)).collect::<Vec<_>>();
+                    (0..32).map(line).collect::<Vec<_>>()
+                };
+                let own = |ix: usize, iy: usize| [ix, iy] == subaperture;
+                let image = match sensor {
+                    Sensor::Splash => brute_force(
+                        &amplitude(BEACON_M, &own),
+                        &amplitude(z, &|ix, iy| pupil.contains(ix, iy)),
+                    ),
+                    _ => through_one(&amplitude(z, &own)),
+                };
+                for (sum, value) in expected.iter_mut().zip(image) {
+                    *sum += share * value;
+                }
+            }
+            let peak = expected.iter().copied().fold(0.0, f64::max);
+            let image = &images[spot * PIXELS..][..PIXELS];
+            let differ = |(a, b): (&f32, &f64)| (f64::from(*a) - b).abs() / peak;
+            let worst = image.iter().zip(&expected).map(differ).fold(0.0, f64::max);
+            println!("{sensor:?}, spot {spot}: pixels {worst:.1e} of the peak {peak:.4}");
+            assert!(worst < 3e-5, "{sensor:?}, spot {spot}: {worst} of the peak");
+        }
+    }
+}
+
+/// The image of a point through an amplitude.
+fn through_one(amplitude: &[Vec<Option<f64>>]) -> Vec<f64> {
+    const FINE: usize = 128;
+    let spread = point_spread(amplitude, FINE);
+    // From minus to plus half a period; a mean of one makes the light of a period one.
+    let wrap = |k: usize| (k + FINE / 2) % FINE;
+    let line = |ky: usize| -> Vec<f64> {
+        (0..=FINE).map(|kx| spread[wrap(ky)][wrap(kx)] / (FINE * FINE) as f64).collect()
+    };
+    integrate(&(0..=FINE).map(line).collect::<Vec<_>>())
 }

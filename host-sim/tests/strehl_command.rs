@@ -192,8 +192,8 @@ fn gradients_go_beyond_the_firmware() {
 fn what_cannot_be_is_refused_before_it_starts() {
     let place = TempDir::new().unwrap();
     let at = place.path();
-    refused(at, &["--n", "41"], &["--n = 41", "40", "120"]);
-    refused(at, &["--n", "121", "--sensing", "geometric"], &["--n = 121"]);
+    refused(at, &["--n", "41"], &["--n = 41", "40", "128"]);
+    refused(at, &["--n", "129", "--sensing", "geometric"], &["--n = 129"]);
     refused(at, &["--n", "3"], &["--n = 3"]);
     refused(at, &["--screens", "0"], &["--screens", "1..="]);
     refused(at, &["--wind", "-1"], &["--wind = -1", "10"]);
@@ -209,7 +209,7 @@ fn what_cannot_be_is_refused_before_it_starts() {
     let layer = "[[atmosphere.layers]]\nweight = 1\nheight_m = 1\nwind_speed_m_per_s = 0\n\
                  wind_direction_deg = 0\n";
     std::fs::write(at.join("deep.toml"), layer.repeat(1000)).unwrap();
-    let deep = ["--n", "120", "--sensing", "geometric", "--screens", "2", "--config", "deep.toml"];
+    let deep = ["--n", "128", "--sensing", "geometric", "--screens", "2", "--config", "deep.toml"];
     refused(at, &deep, &["GB", "available", "--n"]);
 }
 

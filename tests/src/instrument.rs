@@ -11,8 +11,8 @@ use splash_firmware::pixels::Convention;
 use splash_firmware::segments::ACTUATORS;
 use splash_firmware::slopes::MeanSlope;
 use splash_firmware::spec::{
-    ActuatorSpec, Colouring, ControlSpec, DetectorSpec, Estimator, Map, PixelSpec, SafetySpec,
-    ScheduleSpec, SegmentSpec, SlopeSpec, SorSpec, Spec, WindowSpec, triangle,
+    ActuatorSpec, Colouring, ControlSpec, DetectorSpec, Estimator, Map, ModalSpec, PixelSpec,
+    SafetySpec, ScheduleSpec, SegmentSpec, SlopeSpec, SorSpec, Spec, WindowSpec, triangle,
 };
 
 /// Wavelength of the beacon, m.
@@ -49,6 +49,37 @@ impl<T: Copy> Values<T> {
     }
 }
 
+/// Everything that a `ModalSpec` says, owned. Units as there.
+#[derive(Clone, Debug)]
+#[allow(
+    missing_docs,
+    reason = "each field is documented at the field of ModalSpec that it becomes"
+)]
+pub struct SecondGate {
+    pub origins: Vec<[u16; 2]>,
+    pub reference_px: Values<[f64; 2]>,
+    pub slope_gain_m_per_px: Values<[[f64; 2]; 2]>,
+    pub flux_min_adu: Values<f64>,
+    pub flux_max_adu: Values<f64>,
+    pub modes: Vec<[f64; 2]>,
+    pub coupling: Vec<f64>,
+}
+
+impl SecondGate {
+    /// The specification, borrowed from here.
+    pub fn spec(&self) -> ModalSpec<'_> {
+        ModalSpec {
+            origins: &self.origins,
+            reference_px: self.reference_px.map(),
+            gain_m_per_px: self.slope_gain_m_per_px.map(),
+            flux_min_adu: self.flux_min_adu.map(),
+            flux_max_adu: self.flux_max_adu.map(),
+            modes: &self.modes,
+            coupling: &self.coupling,
+        }
+    }
+}
+
 /// Everything that a `Spec` says, owned. Units as there.
 #[derive(Clone, Debug)]
 #[allow(missing_docs, reason = "each field is documented at the field of Spec that it becomes")]
@@ -74,6 +105,7 @@ pub struct Instrument {
     pub lever_arm: f64,
     pub delay_frames: u8,
     pub global_tilt_max_age: u32,
+    pub second: Option<SecondGate>,
     pub sor: SorSpec,
     pub stroke_m: f64,
     pub matrix: Values<[[f64; 3]; ACTUATORS]>,
@@ -126,6 +158,7 @@ impl Instrument {
             lever_arm: 1.0,
             delay_frames: 0,
             global_tilt_max_age: 100,
+            second: None,
             sor: SorSpec::default(),
             stroke_m,
             matrix: Values::Uniform(triangle(0.6)),
@@ -150,6 +183,23 @@ impl Instrument {
             safety: SafetySpec::default(),
             serials: Serials::default(),
         }
+    }
+
+    /// The same with a second gate calibrated like the first, its windows below the first's on a detector
+    /// of twice the height.
+    pub fn with_second_gate(mut self, modes: Vec<[f64; 2]>, coupling: Vec<f64>) -> Self {
+        let height = self.detector.height;
+        self.second = Some(SecondGate {
+            origins: self.origins.iter().map(|&[x, y]| [x, y + height]).collect(),
+            reference_px: self.reference_px.clone(),
+            slope_gain_m_per_px: self.slope_gain_m_per_px.clone(),
+            flux_min_adu: self.flux_min_adu.clone(),
+            flux_max_adu: self.flux_max_adu.clone(),
+            modes,
+            coupling,
+        });
+        self.detector.height *= 2;
+        self
     }
 
     /// [`Instrument::new`] with the circular pupil of `across` subapertures.
@@ -201,6 +251,7 @@ impl Instrument {
                 delay_frames: self.delay_frames,
                 global_tilt_max_age: self.global_tilt_max_age,
             },
+            modal: self.second.as_ref().map(SecondGate::spec),
             sor: self.sor,
             segments: SegmentSpec {
                 stroke_m: self.stroke_m,
@@ -235,6 +286,16 @@ impl Instrument {
     pub fn try_config<const M: usize, const P: usize, const B: usize>(
         &self,
     ) -> Result<Box<Config<M, P, B>>, ConfigError> {
+        self.try_bank()
+    }
+
+    /// The same with room for the modes of a second gate.
+    ///
+    /// # Errors
+    /// That of `Config::build`.
+    pub fn try_bank<const M: usize, const P: usize, const B: usize, const K: usize>(
+        &self,
+    ) -> Result<Box<Config<M, P, B, K>>, ConfigError> {
         let mut config = Box::new(Config::new());
         config.build(&self.spec())?;
         Ok(config)
@@ -245,7 +306,17 @@ impl Instrument {
     /// # Panics
     /// If it is refused.
     pub fn config<const M: usize, const P: usize, const B: usize>(&self) -> Box<Config<M, P, B>> {
-        self.try_config().unwrap_or_else(|error| panic!("refused: {error}"))
+        self.bank()
+    }
+
+    /// The same with room for the modes of a second gate.
+    ///
+    /// # Panics
+    /// If it is refused.
+    pub fn bank<const M: usize, const P: usize, const B: usize, const K: usize>(
+        &self,
+    ) -> Box<Config<M, P, B, K>> {
+        self.try_bank().unwrap_or_else(|error| panic!("refused: {error}"))
     }
 
     /// The number of subapertures.
@@ -263,9 +334,9 @@ impl Instrument {
 ///
 /// # Panics
 /// If a row is refused, or if the frame is not complete after its last row.
-pub fn run_frame<const M: usize, const P: usize, const B: usize>(
-    pipeline: &mut Pipeline<M, B>,
-    config: &Config<M, P, B>,
+pub fn run_frame<const M: usize, const P: usize, const B: usize, const K: usize>(
+    pipeline: &mut Pipeline<M, B, K>,
+    config: &Config<M, P, B, K>,
     number: u32,
     pixels: &[u16],
 ) -> Report {
@@ -282,9 +353,9 @@ pub fn run_frame<const M: usize, const P: usize, const B: usize>(
 ///
 /// # Panics
 /// As [`run_frame`], and if the frame is held.
-pub fn step<const M: usize, const P: usize, const B: usize>(
-    pipeline: &mut Pipeline<M, B>,
-    config: &Config<M, P, B>,
+pub fn step<const M: usize, const P: usize, const B: usize, const K: usize>(
+    pipeline: &mut Pipeline<M, B, K>,
+    config: &Config<M, P, B, K>,
     number: u32,
     pixels: &[u16],
 ) -> Report {

@@ -4,7 +4,7 @@
 use host_sim::board::in_process;
 use host_sim::calibration::SlopeCalibration;
 use host_sim::closed_loop::{ClosedLoop, Run, Sensing};
-use host_sim::instrument::{Instrument, LayerSection};
+use host_sim::instrument::{Instrument, LayerSection, LeverArm};
 use host_sim::optics::geometric::Sensor;
 use host_sim::reconstructor::Reconstructor;
 
@@ -91,7 +91,7 @@ fn making_up_for_the_lever_arm_gains() {
         layer.wind_speed_m_per_s /= 8.0;
     }
     let mut lever = plain.clone();
-    lever.control.lever_arm = 1.13;
+    lever.control.lever_arm = LeverArm::Factor(1.13);
     let gain: Vec<f64> = (0..4)
         .map(|seed| {
             let run =

@@ -23,7 +23,7 @@ use splash_firmware::pipeline::{GlobalTilt, Hold, Outcome, Report, RowError, Tot
 use splash_firmware::segments::Position;
 use splash_firmware::slopes::Slope;
 use splash_firmware::store::{StoreError, Stored};
-use splash_firmware::telemetry::{self, Cycles, Decimation, FrameRecord};
+use splash_firmware::telemetry::{self, Cycles, Decimation, FrameRecord, STREAMS};
 use splash_tests::instrument::Instrument;
 
 fn wire<T: serde::Serialize>(sequence: u16, body: &T) -> Vec<u8> {
@@ -87,6 +87,7 @@ fn requests() -> Vec<Request> {
         Request::Command(Command::Flat),
         Request::Command(Command::Gate(GATE.range)),
         Request::Command(Command::ClearFaults),
+        Request::Command(Command::Hardware(Serials { mirror: u32::MAX, detector: u32::MAX })),
     ];
     requests.extend(adjustments().into_iter().map(Request::Adjust));
     requests.extend(PARAMETERS.map(Request::Get));
@@ -181,6 +182,7 @@ fn reasons() -> Vec<Reason> {
         Uncalibrated::Missing(Step::Pokes).into(),
         Uncalibrated::Changed { calibrated: 6, configured: u32::MAX }.into(),
         Refusal::NotFlat.into(),
+        Refusal::HighVoltage.into(),
         Reason::Unsupported,
     ]
 }
@@ -235,11 +237,12 @@ fn responses() -> Vec<Response> {
         Response::Report(report(Outcome::Updated)),
     ];
     let draft = DraftState::Receiving { due: all, length: all };
+    let serials = Serials { mirror: all, detector: all };
     responses.extend([
         Response::Status(Status {
             build: all,
             configuration: all,
-            serials: Serials { mirror: all, detector: all },
+            serials,
             draft,
             draft_refused: Some(Refusal::NoSubaperture {
                 subaperture: u16::MAX,
@@ -255,9 +258,9 @@ fn responses() -> Vec<Response> {
         Response::Draft(draft),
         Response::Image { offset: all, bytes: std::iter::repeat_n(0, 256).collect() },
         Response::Stored(None),
-        Response::Stored(Some(Stored { sequence: all, hash: all, length: all })),
+        Response::Stored(Some(Stored { sequence: all, hash: all, length: all, serials })),
         Response::Calibration(CALIBRATION),
-        Response::Streams { decimation: DECIMATION, dropped: [all; 5] },
+        Response::Streams { decimation: DECIMATION, dropped: [all; STREAMS] },
         Response::Counters(Counters {
             faults: [all; KINDS],
             refused_transitions: all,
@@ -297,7 +300,7 @@ fn responses() -> Vec<Response> {
 }
 
 /// Telemetry with the values that take the most bytes.
-fn records(report: Report) -> [telemetry::Record; 5] {
+fn records(report: Report) -> [telemetry::Record; STREAMS] {
     let (frame, first) = (u32::MAX, u16::MAX);
     let widest = Measurement {
         centroid_q16: [i32::MIN; 2],
@@ -327,6 +330,7 @@ fn records(report: Report) -> [telemetry::Record; 5] {
         telemetry::Record::Commands { frame, first, items: list(POSITION) },
         telemetry::Record::Codes { frame, first, items: list([u16::MAX; 3]) },
         telemetry::Record::Fluxes { frame, first, items: list(widest) },
+        telemetry::Record::Fault(Record { fault: FAULT, at: NOW }),
     ]
 }
 

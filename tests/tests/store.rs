@@ -3,9 +3,12 @@
 use host_sim::nor_flash::{Nor, NorError, PAGE};
 use splash_firmware::config::Config;
 use splash_firmware::image::ImageError;
+use splash_firmware::mirror::Serials;
 use splash_firmware::store::{Store, StoreError};
 use splash_tests::frames::Rng;
 use splash_tests::instrument::{Instrument, Values};
+
+const SERIALS: Serials = Serials { mirror: 7, detector: 0xffff_fffe };
 
 type Bank = Config<16, 256, 0>;
 
@@ -37,8 +40,9 @@ fn what_was_stored_last_is_restored() {
     for i in 0..5 {
         let config = bank(0.1 + 0.1 * f64::from(i));
         let mut store = Store::new(flash);
-        let stored = store.store(&config).expect("a good flash");
+        let stored = store.store(&config, SERIALS).expect("a good flash");
         assert_eq!((stored.sequence, stored.hash), (i as u32, config.hash()));
+        assert_eq!(stored.serials, SERIALS);
         assert_eq!(store.newest_stored(), Ok(Some(stored)));
         let mut loaded = Box::new(Bank::new());
         store.restore(&mut loaded).expect("stored");
@@ -55,15 +59,15 @@ fn every_cut<const WORD: usize>(stride: usize) {
     let prepared = |seed: u64| {
         // Two stores, so that both slots have been used.
         let mut store = Store::new(Nor::<WORD>::new(4, seed, false));
-        store.store(&configs[0]).expect("a good flash");
-        store.store(&configs[1]).expect("a good flash");
+        store.store(&configs[0], SERIALS).expect("a good flash");
+        store.store(&configs[1], SERIALS).expect("a good flash");
         store.into_inner()
     };
     let steps = {
         let mut flash = prepared(1);
         flash.taken = 0;
         let mut store = Store::new(flash);
-        store.store(&configs[2]).expect("a good flash");
+        store.store(&configs[2], SERIALS).expect("a good flash");
         store.into_inner().taken
     };
     let words = image(&configs[2]).len().next_multiple_of(64) / WORD + 64 / WORD;
@@ -72,7 +76,7 @@ fn every_cut<const WORD: usize>(stride: usize) {
         let mut flash = prepared(first as u64);
         (flash.steps, flash.taken) = (Some(first), 0);
         let mut store = Store::new(flash);
-        assert_eq!(store.store(&configs[2]), Err(StoreError::Flash(NorError::PowerCut)));
+        assert_eq!(store.store(&configs[2], SERIALS), Err(StoreError::Flash(NorError::PowerCut)));
         let mut flash = store.into_inner();
         assert!(flash.off());
         flash.steps = None;
@@ -86,14 +90,14 @@ fn every_cut<const WORD: usize>(stride: usize) {
             let mut again = flash.clone();
             (again.steps, again.taken) = (Some(second), 0);
             let mut store = Store::new(again);
-            assert!(store.store(&configs[3]).is_err());
+            assert!(store.store(&configs[3], SERIALS).is_err());
             let mut again = store.into_inner();
             again.steps = None;
             let (found, again) = restored(again);
             let before = if done(second) { hashes[3] } else { before };
             assert_eq!(found, Ok(before), "cut in steps {first} and {second}");
             let mut store = Store::new(again);
-            store.store(&configs[3]).expect("with power");
+            store.store(&configs[3], SERIALS).expect("with power");
             assert_eq!(restored(store.into_inner()).0, Ok(hashes[3]));
         }
     }
@@ -101,7 +105,7 @@ fn every_cut<const WORD: usize>(stride: usize) {
     let mut flash = prepared(9);
     flash.steps = Some(steps);
     let mut store = Store::new(flash);
-    store.store(&configs[2]).expect("power for all of it");
+    store.store(&configs[2], SERIALS).expect("power for all of it");
     assert_eq!(restored(store.into_inner()).0, Ok(hashes[2]));
 }
 
@@ -120,7 +124,7 @@ fn a_power_cut_in_the_first_store_leaves_nothing() {
             let mut flash = Nor::<64>::new(4, steps as u64, blank);
             flash.steps = Some(steps);
             let mut store = Store::new(flash);
-            let stored = store.store(&config);
+            let stored = store.store(&config, SERIALS);
             let mut flash = store.into_inner();
             flash.steps = None;
             let (found, _) = restored(flash);
@@ -138,8 +142,8 @@ fn a_power_cut_in_the_first_store_leaves_nothing() {
 fn a_decayed_slot_is_passed_over() {
     let (older, newer) = (bank(0.3), bank(0.7));
     let mut store = Store::new(Nor::<32>::new(4, 3, true));
-    store.store(&older).expect("a good flash");
-    let length = store.store(&newer).expect("a good flash").length as usize;
+    store.store(&older, SERIALS).expect("a good flash");
+    let length = store.store(&newer, SERIALS).expect("a good flash").length as usize;
     let mut flash = store.into_inner();
     let mut rng = Rng::new(4);
     for place in 0..64 + length {
@@ -158,12 +162,12 @@ fn refusals_say_why() {
     let config = bank(0.5);
     let mut store = Store::new(Nor::<32>::new(4, 5, true));
     assert_eq!(store.newest_stored(), Ok(None));
-    assert_eq!(store.store(&Bank::new()), Err(StoreError::NotConfigured));
+    assert_eq!(store.store(&Bank::new(), SERIALS), Err(StoreError::NotConfigured));
     let large: Box<Config<64, 8192, 0>> = Instrument::circle(8, 8).config();
     let found = large.image_bytes() as u32 + 64;
     let slot = 2 * PAGE as u32;
-    assert_eq!(store.store(&large), Err(StoreError::Long { found, slot }));
-    store.store(&config).expect("a good flash");
+    assert_eq!(store.store(&large, SERIALS), Err(StoreError::Long { found, slot }));
+    store.store(&config, SERIALS).expect("a good flash");
     let mut small = Box::new(Config::<16, 64, 0>::new());
     let unfit = store.restore(&mut small);
     assert!(matches!(unfit, Err(StoreError::Image(ImageError::Refused(_)))), "{unfit:?}");

@@ -4,11 +4,11 @@
 //! `SPLASH_ACCEPT=1 cargo test -p splash-tests --test suite` rewrites `golden/suite.txt`.
 
 use splash_firmware::error::Field;
-use splash_suite::{BUFFER, CELLS, PIXELS, Workspace};
+use splash_suite::{BUFFER, MODES, PIXELS, WINDOWS, Workspace};
 use splash_tests::{golden, with_big_stack};
 
-fn lines<const M: usize, const P: usize, const B: usize>(
-    workspace: &mut Workspace<M, P, B>,
+fn lines<const M: usize, const P: usize, const B: usize, const K: usize>(
+    workspace: &mut Workspace<M, P, B, K>,
 ) -> Vec<String> {
     let mut lines = Vec::new();
     workspace.run(&mut |line| lines.push(line.to_string())).expect("instruments that fit");
@@ -18,7 +18,7 @@ fn lines<const M: usize, const P: usize, const B: usize>(
 #[test]
 fn every_stage_gives_its_golden_bits() {
     with_big_stack(|| {
-        let lines = lines(&mut Box::new(Workspace::<CELLS, PIXELS, BUFFER>::new()));
+        let lines = lines(&mut Box::new(Workspace::<WINDOWS, PIXELS, BUFFER, MODES>::new()));
         golden::check("suite", "host", &lines);
     });
 }
@@ -26,10 +26,10 @@ fn every_stage_gives_its_golden_bits() {
 #[test]
 fn neither_capacities_nor_the_past_show() {
     with_big_stack(|| {
-        let mut exact = Box::new(Workspace::<CELLS, PIXELS, BUFFER>::new());
+        let mut exact = Box::new(Workspace::<WINDOWS, PIXELS, BUFFER, MODES>::new());
         let first = lines(&mut exact);
         let again = lines(&mut exact);
-        let large = lines(&mut Box::new(Workspace::<1600, 40_000, 4096>::new()));
+        let large = lines(&mut Box::new(Workspace::<1600, 40_000, 4096, 30>::new()));
         for (what, lines) in [("a second time", again), ("with other capacities", large)] {
             assert_eq!(lines.len(), first.len(), "{what}");
             for (line, first) in lines.iter().zip(&first) {
@@ -41,7 +41,7 @@ fn neither_capacities_nor_the_past_show() {
 
 #[test]
 fn a_suite_that_does_not_fit_says_so() {
-    let mut small = Box::new(Workspace::<64, PIXELS, BUFFER>::new());
+    let mut small = Box::new(Workspace::<64, PIXELS, BUFFER, MODES>::new());
     let error = small.run(&mut |_| ()).expect_err("N = 16");
     assert_eq!((error.field, error.value), (Field::Across, 16.0));
 }

@@ -5,7 +5,7 @@ use proptest::test_runner::RngSeed;
 use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;
 use splash_firmware::controller::FrameResult;
-use splash_firmware::fault::{Fault, Moment};
+use splash_firmware::fault::{Fault, Faults, Moment, RECORDS};
 use splash_firmware::gate::{GateStamp, Range};
 use splash_firmware::ladder::Rung;
 use splash_firmware::link::{List, Message, Response, WIRE, encode};
@@ -74,6 +74,7 @@ const fn stream(record: &Record) -> usize {
         Record::Commands { .. } => 2,
         Record::Codes { .. } => 3,
         Record::Fluxes { .. } => 4,
+        Record::Fault(_) => 5,
     }
 }
 
@@ -100,6 +101,7 @@ fn what_a_frame_left_arrives_whole() {
         while let Some(record) = ring.pop() {
             let number = match record {
                 Record::Frame(_) => panic!("one is enough"),
+                Record::Fault(_) => panic!("there was none"),
                 Record::Slopes { frame, first, items } => {
                     put(&mut slopes, first, &items);
                     frame
@@ -144,8 +146,49 @@ fn streams_come_every_so_many_frames() {
         }
         // 52 subapertures in pieces of 16.
         let list = |every: u32| if report.frame % every == 0 { 4 } else { 0 };
-        assert_eq!(pieces, [1, list(2), 0, list(3), 0], "frame {}", report.frame);
+        assert_eq!(pieces, [1, list(2), 0, list(3), 0, 0], "frame {}", report.frame);
     });
+}
+
+/// Every fault is told once, in order, from the subscription on, whatever frames do; of more than are
+/// kept the oldest count as dropped.
+#[test]
+fn every_fault_is_told_once() {
+    let mut ring = Box::new(Ring::<32>::new());
+    let mut faults = Faults::new();
+    let mut frame = 0;
+    let mut book = |faults: &mut Faults, count: u32| {
+        for _ in 0..count {
+            frame += 1;
+            faults.book(Fault::Dacs, Moment { frame, ticks: 1 << 40 });
+        }
+    };
+    let told = |ring: &mut Ring<32>| -> Vec<u32> {
+        let frames = std::iter::from_fn(|| ring.pop()).map(|record| match record {
+            Record::Fault(record) => record.at.frame,
+            other => panic!("{other:?}"),
+        });
+        frames.collect()
+    };
+    book(&mut faults, 3);
+    ring.tell(&faults);
+    assert_eq!(told(&mut ring), []);
+    ring.subscribe(Decimation { frames: 1, ..Decimation::OFF });
+    ring.tell(&faults);
+    assert_eq!(told(&mut ring), []);
+    book(&mut faults, 2);
+    ring.tell(&faults);
+    ring.tell(&faults);
+    assert_eq!(told(&mut ring), [4, 5]);
+    // The operator forgets those that were told, not those to come.
+    faults.clear();
+    book(&mut faults, 1);
+    ring.tell(&faults);
+    assert_eq!((told(&mut ring), ring.dropped()), (vec![6], [0; STREAMS]));
+    book(&mut faults, RECORDS as u32 + 4);
+    ring.tell(&faults);
+    let newest: Vec<u32> = (11..=RECORDS as u32 + 10).collect();
+    assert_eq!((told(&mut ring), ring.dropped()), (newest, [0, 0, 0, 0, 0, 4]));
 }
 
 proptest! {

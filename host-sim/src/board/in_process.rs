@@ -8,6 +8,7 @@ use splash_firmware::controller::{Command, Controller, Start};
 use splash_firmware::error::ConfigError;
 use splash_firmware::interlock::Inputs;
 use splash_firmware::link::Stack;
+use splash_firmware::modal::MAX_MODES;
 use splash_firmware::pipeline::{Probe, Report, Stage, Totals};
 use splash_firmware::segments::Position;
 use splash_firmware::slopes::Slope;
@@ -19,9 +20,9 @@ use std::time::Instant;
 const PERMITTED: Inputs = Inputs { laser_permit: true, high_voltage_ready: true };
 
 /// A configuration and the state of its loop.
-struct InProcess<const M: usize, const P: usize, const B: usize> {
-    config: Box<Config<M, P, B>>,
-    controller: Box<Controller<M, B>>,
+struct InProcess<const M: usize, const P: usize, const B: usize, const K: usize> {
+    config: Box<Config<M, P, B, K>>,
+    controller: Box<Controller<M, B, K>>,
     /// Frames go through the controller.
     controlled: bool,
     /// The board's clock, ns of frames.
@@ -106,11 +107,16 @@ pub(super) fn local(
     options: Options,
 ) -> Result<Box<dyn Local + Send>, ConfigError> {
     let across = spec.mask.across();
-    let pixels = spec.mask.count() * usize::from(spec.windows.size).pow(2);
-    match (across, pixels) {
-        (..=8, ..=16_384) => InProcess::<64, 16_384, 16_384>::boxed(spec, options),
-        (..=16, ..=65_536) => InProcess::<256, 65_536, 65_536>::boxed(spec, options),
-        _ => InProcess::<1600, 1_638_400, 1_638_400>::boxed(spec, options),
+    let gates = if spec.modal.is_some() { 2 } else { 1 };
+    let pixels = gates * spec.mask.count() * usize::from(spec.windows.size).pow(2);
+    match (gates, across, pixels) {
+        (1, ..=8, ..=16_384) => InProcess::<64, 16_384, 16_384, 0>::boxed(spec, options),
+        (1, ..=16, ..=65_536) => InProcess::<256, 65_536, 65_536, 0>::boxed(spec, options),
+        (1, ..) => InProcess::<1600, 1_638_400, 1_638_400, 0>::boxed(spec, options),
+        (_, ..=16, ..=131_072) => {
+            InProcess::<512, 131_072, 131_072, MAX_MODES>::boxed(spec, options)
+        }
+        _ => InProcess::<3200, 3_276_800, 3_276_800, MAX_MODES>::boxed(spec, options),
     }
 }
 
@@ -118,10 +124,10 @@ pub(super) fn local(
 /// stack before they are boxed, and a debug build copies them on the way.
 const BUILD_STACK: usize = 256 << 20;
 
-impl<const M: usize, const P: usize, const B: usize> InProcess<M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize> InProcess<M, P, B, K> {
     fn boxed(spec: &Spec<'_>, options: Options) -> Result<Box<dyn Local + Send>, ConfigError> {
         let build = || {
-            let mut config = Box::new(Config::<M, P, B>::new());
+            let mut config = Box::new(Config::<M, P, B, K>::new());
             config.build(spec)?;
             let mut controller = Box::new(controller());
             controller.bench().reset(&config);
@@ -137,7 +143,9 @@ impl<const M: usize, const P: usize, const B: usize> InProcess<M, P, B> {
     }
 }
 
-impl<const M: usize, const P: usize, const B: usize> Local for InProcess<M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Local
+    for InProcess<M, P, B, K>
+{
     fn image(&self) -> Vec<u8> {
         let mut image = Vec::new();
         self.config.save(&mut |piece| image.extend_from_slice(piece));
@@ -149,7 +157,9 @@ impl<const M: usize, const P: usize, const B: usize> Local for InProcess<M, P, B
     }
 }
 
-impl<const M: usize, const P: usize, const B: usize> Board for InProcess<M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Board
+    for InProcess<M, P, B, K>
+{
     fn reset(&mut self) -> Result<(), BoardError> {
         if self.controlled {
             // Into safe leads a way from everywhere.

@@ -164,6 +164,13 @@ pub enum Action {
         /// Degrees
         zenith_angle: f64,
     },
+    /// States which mirror and detector the board has, in mode safe and without high voltage; store keeps it
+    Hardware {
+        /// The mirror's serial number; 0: not stated
+        mirror: u32,
+        /// The detector's
+        detector: u32,
+    },
     /// What an emulated board's detector sees
     Light {
         /// Which

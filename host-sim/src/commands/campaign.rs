@@ -9,6 +9,9 @@ use crate::monte_carlo::checkpoint::Checkpoint;
 use crate::monte_carlo::comparator::Comparator;
 use crate::monte_carlo::cost::{self, Cost};
 use crate::monte_carlo::point::{Conditions, Outcome, Point};
+use crate::monte_carlo::shard::Shard;
+use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// A run that takes longer, s, says so instead.
@@ -28,11 +31,29 @@ pub(super) struct Campaign {
 pub(super) struct Task {
     pub(super) point: Point,
     pub(super) screens: u32,
+    /// Screens under which all cases are there: what results are made of.
+    pub(super) finished: Vec<u32>,
+    /// What is run under each screen.
+    cases: Vec<Case>,
+    /// Of the checkpoint.
+    name: String,
     checkpoint: Checkpoint,
     jobs: Vec<Job>,
     /// Of each job, s on one core.
     core_s: Vec<f64>,
 }
+
+/// How much of a size of pupil is there.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Progress {
+    pub(super) n: usize,
+    pub(super) screens: u32,
+    pub(super) finished: u32,
+    pub(super) missing: u32,
+}
+
+/// Where a run in `directory` keeps its screens.
+const KEPT: &str = "screens";
 
 impl Campaign {
     /// Opens the checkpoints in `directory` of points with their numbers of screens, and finds what is missing.
@@ -45,17 +66,71 @@ impl Campaign {
         comparators: &[Comparator],
         budget: bool,
     ) -> Result<Self, Error> {
+        Self::open_part(directory, points, comparators, budget, None)
+    }
+
+    /// The same, where only a part is to be run.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub(super) fn open_part(
+        directory: &Path,
+        points: Vec<(Point, u32)>,
+        comparators: &[Comparator],
+        budget: bool,
+        shard: Option<Shard>,
+    ) -> Result<Self, Error> {
         let comparators: Vec<_> =
             Comparator::ALL.into_iter().filter(|known| comparators.contains(known)).collect();
-        let kept = output::directory(Some(&directory.join("screens")), "")?;
+        let kept = output::directory(Some(&directory.join(KEPT)), "")?;
         let mut tasks = Vec::new();
-        for (point, screens) in points {
-            let name = format!("n{}-{}.csv", point.n(), point.digest()?);
-            let checkpoint = Checkpoint::open(&kept.join(name))?;
+        for (place, (point, screens)) in points.into_iter().enumerate() {
+            let ours = |screen: &u32| shard.is_none_or(|shard| shard.holds(place, *screen));
             let cases = cases(&point, &comparators, budget);
-            tasks.push(Task::new(point, checkpoint, screens, &cases)?);
+            tasks.push(Task::open(&kept, point, screens, cases, (0..screens).filter(ours))?);
         }
         Ok(Self { tasks, comparators, budget })
+    }
+
+    /// Points with what is to be run under the screens of each, their own list of cases.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub(super) fn of_cases(
+        directory: &Path,
+        points: Vec<(Point, u32, Vec<Case>)>,
+    ) -> Result<Self, Error> {
+        let kept = output::directory(Some(&directory.join(KEPT)), "")?;
+        let open = |(point, screens, cases)| Task::open(&kept, point, screens, cases, 0..screens);
+        let tasks = points.into_iter().map(open).collect::<Result<_, _>>()?;
+        Ok(Self { tasks, comparators: Vec::new(), budget: false })
+    }
+
+    /// Takes over what other runs have, which may be going on.
+    ///
+    /// # Errors
+    /// [`Error::Run`] if their screens cannot be read, or one came to something else than it did here.
+    pub(super) fn absorb<P: AsRef<Path>>(&mut self, directories: &[P]) -> Result<(), Error> {
+        for directory in directories {
+            let kept = directory.as_ref().join(KEPT);
+            self.tasks.iter_mut().try_for_each(|task| task.absorb(&kept))?;
+        }
+        self.tasks.iter_mut().for_each(Task::count);
+        Ok(())
+    }
+
+    /// What is there, by N.
+    pub(super) fn progress(&self) -> Vec<Progress> {
+        let of = |task: &Task| {
+            let (screens, finished) = (task.screens, task.finished.len() as u32);
+            Progress { n: task.point.n(), screens, finished, missing: screens - finished }
+        };
+        self.tasks.iter().map(of).collect()
+    }
+
+    /// How many screens are still to be run here.
+    pub(super) fn to_run(&self) -> usize {
+        self.tasks.iter().map(|task| task.jobs.len()).sum()
     }
 
     /// Time and memory in words; an error where the memory is not there, or for more than a day.
@@ -97,13 +172,14 @@ impl Campaign {
         self.tasks.iter_mut().try_for_each(|task| task.run(&mut done_s, total_s))
     }
 
-    /// How many screens, in words.
+    /// How many screens are finished, in words.
     pub(super) fn screens(&self) -> String {
-        let each = || self.tasks.iter().map(|task| task.screens);
-        match (each().min(), each().max()) {
-            (Some(least), Some(most)) if least < most => format!("{least} to {most} screens"),
-            (_, most) => format!("{} screens", most.unwrap_or(0)),
-        }
+        count_in_words(self.tasks.iter().map(|task| task.finished.len()))
+    }
+
+    /// How many screens are asked for, in words.
+    pub(super) fn asked(&self) -> String {
+        count_in_words(self.tasks.iter().map(|task| task.screens as usize))
     }
 
     /// The sky and the sensing, in words.
@@ -142,27 +218,62 @@ fn cases(point: &Point, comparators: &[Comparator], budget: bool) -> Vec<Case> {
 }
 
 impl Task {
-    /// What is missing at a point.
-    fn new(
+    /// What is known of a point in `kept`, and what is missing of the screens to run.
+    fn open(
+        kept: &Path,
         point: Point,
-        checkpoint: Checkpoint,
         screens: u32,
-        cases: &[Case],
+        cases: Vec<Case>,
+        to_run: impl Iterator<Item = u32>,
     ) -> Result<Self, Error> {
+        let name = format!("n{}-{}.csv", point.n(), point.digest()?);
+        let checkpoint = Checkpoint::open(&kept.join(&name))?;
         let missing = |screen: u32| -> Option<Job> {
             let known = |case| checkpoint.finished().contains_key(&(screen, case));
             let missing: Vec<_> = cases.iter().copied().filter(|&case| !known(case)).collect();
             (!missing.is_empty()).then_some((screen, missing))
         };
-        let jobs: Vec<Job> = (0..screens).filter_map(missing).collect();
+        let jobs: Vec<Job> = to_run.filter_map(missing).collect();
         let cost = |(_, cases): &Job| Ok(Cost::of_screen(&point, cases)?.core_s);
         let core_s = jobs.iter().map(cost).collect::<Result<_, Error>>()?;
-        Ok(Self { point, screens, checkpoint, jobs, core_s })
+        let mut task =
+            Self { point, screens, finished: Vec::new(), cases, name, checkpoint, jobs, core_s };
+        task.count();
+        Ok(task)
+    }
+
+    /// Finds the screens that are finished.
+    fn count(&mut self) {
+        let known = |screen, case| self.checkpoint.finished().contains_key(&(screen, case));
+        let finished = |screen: &u32| self.cases.iter().all(|&case| known(*screen, case));
+        self.finished = (0..self.screens).filter(finished).collect();
+    }
+
+    /// Takes over what is kept elsewhere.
+    fn absorb(&mut self, kept: &Path) -> Result<(), Error> {
+        let path = kept.join(&self.name);
+        let mut news: BTreeMap<u32, Vec<(Case, Outcome)>> = BTreeMap::new();
+        for ((screen, case), outcome) in Checkpoint::read(&path)? {
+            match self.checkpoint.finished().get(&(screen, case)) {
+                None => news.entry(screen).or_default().push((case, outcome)),
+                Some(known) if *known == outcome => {}
+                Some(known) => {
+                    return Err(Error::Run(format!(
+                        "{}: screen {screen}, {}: Strehl ratio {}, and {} elsewhere: of another processor?",
+                        path.display(),
+                        case.name(),
+                        outcome.strehl,
+                        known.strehl
+                    )));
+                }
+            }
+        }
+        news.iter().try_for_each(|(&screen, outcomes)| self.checkpoint.add(screen, outcomes))
     }
 
     /// Runs what is missing, behind a bar that knows `done_s` of `total_s`.
     fn run(&mut self, done_s: &mut f64, total_s: f64) -> Result<(), Error> {
-        let Self { point, checkpoint, jobs, core_s, .. } = self;
+        let Self { point, checkpoint, jobs, core_s, .. } = &mut *self;
         if jobs.is_empty() {
             return Ok(());
         }
@@ -183,29 +294,37 @@ impl Task {
             checkpoint.add(screen, outcomes)
         })?;
         bar.finish_and_clear();
+        self.count();
         Ok(())
     }
 
     /// D / r0.
     pub(super) fn diameter_in_r0(&self) -> f64 {
-        self.point.pupil().diameter_m() / self.point.instrument().atmosphere.r0_m
+        self.point.pupil().diameter_m() / self.point.instrument().r0_m()
     }
 
-    /// What a case came to under a screen; all are there once the campaign has run.
+    /// What a case came to under a screen that is finished.
     pub(super) fn outcome(&self, screen: u32, case: impl Into<Case>) -> Outcome {
         self.checkpoint.finished()[&(screen, case.into())]
     }
 
-    /// One number of each screen, in their order.
+    /// One number of each screen that is finished, in their order.
     pub(super) fn values(&self, case: impl Into<Case>, of: fn(&Outcome) -> f64) -> Vec<f64> {
         let case = case.into();
-        (0..self.screens).map(|screen| of(&self.outcome(screen, case))).collect()
+        self.finished.iter().map(|&screen| of(&self.outcome(screen, case))).collect()
     }
 
     /// The chain of a sensor's error budget, with the variance of each screen.
     pub(super) fn chain(&self, comparator: Comparator) -> Vec<(Step, Vec<f64>)> {
         let variance = |case| self.values(case, |outcome| outcome.variance_rad2);
         chain(&self.point, comparator).into_iter().map(|(s, case)| (s, variance(case))).collect()
+    }
+}
+
+fn count_in_words(screens: impl Iterator<Item = usize> + Clone) -> String {
+    match (screens.clone().min(), screens.max()) {
+        (Some(least), Some(most)) if least < most => format!("{least} to {most} screens"),
+        (_, most) => format!("{} screens", most.unwrap_or(0)),
     }
 }
 

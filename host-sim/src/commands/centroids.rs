@@ -127,7 +127,7 @@ fn gather(
             let (fitted_px, fitted_px_se) = jackknife(&sums, Sums::fitted_px);
             points.push(PointResult {
                 n: *n,
-                d_over_r0: *n as f64 * description.telescope.pitch_m / description.atmosphere.r0_m,
+                d_over_r0: *n as f64 * description.telescope.pitch_m / description.r0_m(),
                 state: state.name,
                 estimator: estimate.name.clone(),
                 error_px,

@@ -44,7 +44,7 @@ struct LoopResult {
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &LoopArgs) -> Result<(), Error> {
     let sensor = args.sensor.sensor();
-    let instrument = args.run.instrument()?.seen_by(sensor);
+    let instrument = args.run.instrument()?.seen_by(sensor).with_lever_arm_of(sensor)?;
     let reconstructor = Reconstructor::new(&instrument)?;
     let cycle = reconstructor.lighting().count();
     let settle = args.settle.unwrap_or((SETTLE * cycle).min(args.run.frames / 2));

@@ -171,6 +171,7 @@ fn instrument(
     instrument.telescope.subapertures = args.n;
     instrument.telescope.pitch_m = pitch_m;
     instrument.atmosphere.r0_m = pitch_m;
+    instrument.atmosphere.r0_wavelength_m = 0.0;
     for layer in &mut instrument.atmosphere.layers {
         layer.wind_speed_m_per_s = args.wind * pitch_m / frame_s;
     }

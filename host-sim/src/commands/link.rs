@@ -19,6 +19,7 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use splash_firmware::fault::NAMES;
 use splash_firmware::link::Identity;
+use splash_firmware::mirror::Serials;
 use splash_firmware::store::Stored;
 use splash_firmware::telemetry::Decimation;
 use std::io::Write;
@@ -166,6 +167,10 @@ impl Session {
             Action::Gate { altitude, depth, zenith_angle } => {
                 operator.gate([*altitude, *depth, *zenith_angle])?;
                 Ok(done("gate", format!("{altitude} m, {depth} m, {zenith_angle} degrees")))
+            }
+            Action::Hardware { mirror, detector } => {
+                operator.state_hardware(Serials { mirror: *mirror, detector: *detector })?;
+                Ok(done("hardware", format!("mirror {mirror}, detector {detector}")))
             }
             Action::Light { light } => {
                 if !operator.is_emulated() {
@@ -416,6 +421,7 @@ impl Session {
         };
         recording.write(file, &source)?;
         let [frames, slopes, commands, codes, fluxes] = recording.counts();
+        let faults = recording.faults().len();
         let dropped: u32 = dropped.iter().fold(0, |sum, &dropped| sum.saturating_add(dropped));
         let every =
             [streams.frames, streams.slopes, streams.commands, streams.codes, streams.fluxes];
@@ -429,12 +435,13 @@ impl Session {
                         "slopes {slopes}, commands {commands}, codes {codes}, fluxes {fluxes} frames"
                     ),
                 ),
+                ("faults", faults.to_string()),
                 ("dropped", format!("{dropped} records, {} frames cut", recording.cut())),
             ],
             json: json!({
                 "action": "record", "file": file.display().to_string(), "frames": frames,
                 "slopes": slopes, "commands": commands, "codes": codes, "fluxes": fluxes,
-                "every": every, "dropped": dropped, "cut": recording.cut(),
+                "faults": faults, "every": every, "dropped": dropped, "cut": recording.cut(),
                 "build": format!("{:08x}", status.build),
                 "configuration": format!("{:08x}", status.configuration),
                 "ulp_m": ulp_m(&head),
@@ -455,7 +462,8 @@ fn runs(action: &'static str, hash: u32) -> Found {
 }
 
 fn stored(action: &'static str, stored: Option<Stored>) -> Found {
-    let Some(Stored { sequence, hash, length }) = stored else {
+    let Some(Stored { sequence, hash, length, serials: Serials { mirror, detector } }) = stored
+    else {
         return Found {
             table: vec![(action, "nothing".into())],
             json: json!({ "action": action, "stored": null }),
@@ -463,10 +471,16 @@ fn stored(action: &'static str, stored: Option<Stored>) -> Found {
     };
     let hash = format!("{hash:08x}");
     Found {
-        table: vec![(action, format!("configuration {hash}, {length} bytes, store {sequence}"))],
+        table: vec![
+            (action, format!("configuration {hash}, {length} bytes, store {sequence}")),
+            ("with it", format!("mirror {mirror}, detector {detector}")),
+        ],
         json: json!({
             "action": action,
-            "stored": { "configuration": hash, "bytes": length, "sequence": sequence },
+            "stored": {
+                "configuration": hash, "bytes": length, "sequence": sequence,
+                "mirror": mirror, "detector": detector,
+            },
         }),
     }
 }

@@ -43,7 +43,7 @@ pub(super) fn header(instrument: &Instrument, seed: u64, unit: &str) -> Header {
         .with("ORIGIN", "host-sim", "SPLASH simulator")
         .with("NSUB", telescope.subapertures as i64, "subapertures across the pupil")
         .with("PITCH", telescope.pitch_m, "[m] subaperture pitch")
-        .with("R0", instrument.atmosphere.r0_m, "[m] Fried parameter at WAVELEN")
+        .with("R0", instrument.r0_m(), "[m] Fried parameter at WAVELEN")
         .with("WAVELEN", instrument.laser.wavelength_m, "[m] laser wavelength")
         .with("BEACON", instrument.laser.beacon_height_m, "[m] beacon height")
         .with("WINDOW", instrument.windows.size as i64, "[px] side of a window")

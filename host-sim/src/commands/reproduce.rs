@@ -51,7 +51,7 @@ pub fn run(args: &ReproduceArgs) -> Result<(), Error> {
     let _lock = Lock::take(&directory, "host-sim reproduce")?;
     let mut campaign = Campaign::open(&directory, points, &Comparator::ALL, true)?;
     let estimate = campaign.estimate(args.long)?;
-    progress::say(&format!("{}: about {estimate}", campaign.screens()));
+    progress::say(&format!("{}: about {estimate}", campaign.asked()));
     let (theory, theory_files) = theory::paper(&directory)?;
     campaign.run()?;
     let strehl = results::gather(&campaign);
@@ -76,7 +76,7 @@ pub fn run(args: &ReproduceArgs) -> Result<(), Error> {
 
 /// The sizes of pupil by increasing N, each once, under skies that stand still and with images that have no noise.
 fn points(args: &ReproduceArgs) -> Result<Vec<(Point, u32)>, Error> {
-    let mut description = Instrument::described(args.config.as_deref())?;
+    let mut description = Instrument::described(args.config.as_deref())?.with_whole_spots();
     for layer in &mut description.atmosphere.layers {
         layer.wind_speed_m_per_s = 0.0;
     }

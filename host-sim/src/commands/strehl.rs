@@ -3,24 +3,36 @@
 pub(super) mod budget;
 pub(super) mod results;
 
-use super::campaign::Campaign;
+use super::campaign::{Campaign, Progress};
 use super::output;
-use crate::cli::StrehlArgs;
+use crate::cli::{StrehlArgs, WindowsName};
 use crate::closed_loop::Sensing;
 use crate::error::{Error, refuse};
 use crate::files::lock::Lock;
 use crate::instrument::Instrument;
-use crate::monte_carlo::point::{Conditions, Point};
+use crate::monte_carlo::point::Conditions;
+use crate::monte_carlo::settings::Settings;
+use serde::Serialize;
 use std::time::Instant;
 
 /// Frames that a loop gets to close: at a gain of 0.5 and N/2 sweeps a frame, to 3e-4 in the Strehl
 /// ratio of any frozen screen, 5e-5 in their mean (N = 8 and 16).
-pub(super) const SETTLE: u32 = 40;
+pub(in crate::commands) const SETTLE: u32 = 40;
 /// Frames averaged under frozen screens, and under moving ones.
 pub(super) const STATIC_FRAMES: u32 = 10;
 const MOVING_FRAMES: u32 = 100;
 /// Fastest wind, pitches per frame.
 const MAX_WIND: f64 = 10.0;
+
+/// The JSON of a part of a run.
+#[derive(Debug, Serialize)]
+struct ShardResult {
+    shard: String,
+    /// Of this part.
+    run: usize,
+    /// Of the whole, what is in this directory.
+    points: Vec<Progress>,
+}
 
 /// Runs it.
 ///
@@ -28,12 +40,26 @@ const MAX_WIND: f64 = 10.0;
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &StrehlArgs) -> Result<(), Error> {
     let start = Instant::now();
-    let points = points(args)?.into_iter().map(|point| (point, args.screens)).collect();
+    let settings = settings(args)?;
+    let points = settings.points()?.into_iter().map(|point| (point, args.screens)).collect();
     let directory = output::directory(args.output.out.as_deref(), "strehl")?;
     let _lock = Lock::take(&directory, "host-sim strehl")?;
-    let mut campaign = Campaign::open(&directory, points, &args.sensors, args.budget)?;
+    let mut campaign =
+        Campaign::open_part(&directory, points, &args.sensors, args.budget, args.shard)?;
     let estimate = campaign.estimate(args.long)?;
+    settings.of_shard(args.shard).write(&directory)?;
+    let to_run = campaign.to_run();
     campaign.run()?;
+    if let Some(shard) = args.shard {
+        let points = campaign.progress();
+        let result = ShardResult { shard: shard.to_string(), run: to_run, points };
+        let mut table = results::progress(&result.points);
+        table.push(("shard", format!("{shard}, {to_run} screens run")));
+        table.push(("estimate", estimate));
+        table.push(("time", format!("{:.1} s", start.elapsed().as_secs_f64())));
+        table.push(("directory, for host-sim merge", directory.display().to_string()));
+        return output::report(args.output.json, &result, &table);
+    }
     let result = results::gather(&campaign);
     results::write(&directory, &campaign, &result, args.seed)?;
     let mut table = results::table(&campaign, &result);
@@ -45,8 +71,8 @@ pub fn run(args: &StrehlArgs) -> Result<(), Error> {
     output::report(args.output.json, &result, &table)
 }
 
-/// The points that the arguments ask for, by increasing N, each once.
-fn points(args: &StrehlArgs) -> Result<Vec<Point>, Error> {
+/// What the arguments ask for.
+fn settings(args: &StrehlArgs) -> Result<Settings, Error> {
     let mut description = Instrument::described(args.config.as_deref())?;
     let moving = args.wind.is_some();
     let pitch_m_per_s = description.telescope.pitch_m / description.frame_s();
@@ -64,17 +90,20 @@ fn points(args: &StrehlArgs) -> Result<Vec<Point>, Error> {
     }
     description.control.gain = args.gain.unwrap_or(description.control.gain);
     description.control.delay_frames = args.delay.unwrap_or(description.control.delay_frames);
+    // Exact gradients have no noise, and no windows: a run is the same with the flags and without.
+    let images = args.sensing == Sensing::Images;
+    let usual = if args.noise { WindowsName::Described } else { WindowsName::Whole };
+    if images && args.windows.unwrap_or(usual) == WindowsName::Whole {
+        description = description.with_whole_spots();
+    }
     let frames = args.frames.unwrap_or(if moving { MOVING_FRAMES } else { STATIC_FRAMES });
     let conditions = Conditions {
         sensing: args.sensing,
-        // Exact gradients have no noise: a run is the same with the flag and without.
-        noise_free: !args.noise || args.sensing == Sensing::Geometric,
+        noise_free: !args.noise || !images,
         settle: SETTLE,
         frames,
         seed: args.seed,
     };
-    let mut across = args.n.clone();
-    across.sort_unstable();
-    across.dedup();
-    across.into_iter().map(|n| Point::new(&description, n, conditions)).collect()
+    let StrehlArgs { n, screens, sensors, budget, .. } = args;
+    Ok(Settings::new(description, n.clone(), *screens, sensors, *budget, conditions))
 }

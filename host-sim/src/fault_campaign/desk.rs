@@ -10,6 +10,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use splash_firmware::banks::Banks;
 use splash_firmware::calibration::Step;
 use splash_firmware::link::{Message, Receiver, Request, Response, WIRE, encode};
+use splash_firmware::mirror::Serials;
 use splash_firmware::mode::{Mode, Refusal};
 use splash_firmware::spec::Map;
 use splash_server::parameters;
@@ -57,8 +58,8 @@ impl Desk {
         banks: &mut Banks<'_, CELLS, PIXELS, PIXELS>,
         mode: Mode,
     ) {
-        let may_store = match mode {
-            Mode::Safe | Mode::Standby => Ok(()),
+        let serials = match mode {
+            Mode::Safe | Mode::Standby => Ok(Serials::default()),
             mode => Err(Refusal::WrongMode { mode }.into()),
         };
         for &byte in bytes {
@@ -66,7 +67,7 @@ impl Desk {
                 Some(Ok(message)) => {
                     let answer = parameters::draft(&mut banks.draft, &message.body).or_else(|| {
                         let flash = Some(&mut self.flash);
-                        parameters::stored(flash, banks, &message.body, may_store)
+                        parameters::stored(flash, banks, &message.body, serials)
                     });
                     self.refused += u64::from(matches!(answer, Some(Response::Refused(_))));
                 }

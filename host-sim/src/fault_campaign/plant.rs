@@ -44,7 +44,7 @@ impl Plant {
             mirror: Mirror::flat(count),
             centroids: vec![[0.0; 2]; count],
             fluxes_e: vec![0.0; count],
-            nominal_e: instrument.laser.electrons_per_spot,
+            nominal_e: instrument.electrons_per_spot()?,
             shown: vec![[0; 3]; count],
             dead: vec![0; count],
             stuck: vec![[0; 3]; count],

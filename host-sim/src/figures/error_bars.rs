@@ -29,10 +29,25 @@ pub struct Measured<'a> {
 /// [`FigureError::Size`] if a curve has not one value and one error for each x, [`FigureError::Io`].
 pub fn error_bars(
     path: impl AsRef<Path>,
+    labels: [&str; 2],
+    title: &str,
+    x: &[f64],
+    curves: &[Measured<'_>],
+) -> Result<(), FigureError> {
+    error_bars_up_to(path, labels, title, x, curves, 1.0)
+}
+
+/// The same with y from 0 to `top`, points beyond left out.
+///
+/// # Errors
+/// As [`error_bars`].
+pub fn error_bars_up_to(
+    path: impl AsRef<Path>,
     [x_label, y_label]: [&str; 2],
     title: &str,
     x: &[f64],
     curves: &[Measured<'_>],
+    top: f64,
 ) -> Result<(), FigureError> {
     for curve in curves {
         check_size("curve", x.len(), curve.y.len())?;
@@ -40,14 +55,15 @@ pub fn error_bars(
     }
     let last = x.iter().copied().fold(1.0, f64::max);
     let layout =
-        Layout { title, x_label, y_label, x: [0.0, 1.05 * last], y: [0.0, 1.0], size: SIZE };
+        Layout { title, x_label, y_label, x: [0.0, 1.05 * last], y: [0.0, top], size: SIZE };
     let mut axes = Axes::new(&layout, false);
     for &Measured { name, colour, y, error } in curves.iter().rev() {
         let stroke = Stroke::solid(colour, 1.6);
-        let measured = || x.iter().zip(y).zip(error).filter(|((_, y), _)| y.is_finite());
-        let points: Vec<_> = measured().map(|((&x, &y), _)| axes.place(x, y)).collect();
+        let drawn = |(_, y): &(&f64, &f64)| y.is_finite() && **y <= top;
+        let points: Vec<_> =
+            x.iter().zip(y).filter(drawn).map(|(&x, &y)| axes.place(x, y)).collect();
         axes.canvas.curve(&points, stroke);
-        for ((&x, &y), &error) in measured() {
+        for ((&x, &y), &error) in x.iter().zip(y).zip(error).filter(|(point, _)| drawn(point)) {
             axes.canvas.circle(axes.place(x, y), MARK, stroke);
             if error.is_finite() {
                 let [middle, low] = axes.place(x, y - error);

@@ -3,9 +3,11 @@
 //! Optics, detector and firmware check what they are given as well, in their own words; this comes
 //! first, so that an error names what a user wrote.
 
-use super::Instrument;
+use super::{Instrument, LeverArm, PhotonNumberName};
 use crate::error::{Error, refuse};
+use crate::optics::slab::MAX_SLICES;
 use crate::pupil::MAX_SAMPLES;
+use crate::range_diversity::modes::Modes;
 use splash_firmware::centroid::{MAX_WINDOW, MIN_WINDOW};
 use splash_firmware::control::MAX_DELAY;
 use splash_firmware::gate::SPEED_OF_LIGHT_M_PER_S;
@@ -22,6 +24,7 @@ impl Instrument {
     /// [`Error::Config`] with its name, the value and the limit.
     pub fn check(&self) -> Result<(), Error> {
         self.check_light()?;
+        self.check_second_gate()?;
         self.check_camera()?;
         self.check_loop()?;
         self.check_safety()
@@ -36,6 +39,9 @@ impl Instrument {
         within("telescope.obstruction", telescope.obstruction, 0.0, 0.99)?;
         within("telescope.samples", telescope.samples as f64, 2.0, MAX_SAMPLES as f64)?;
         within("atmosphere.r0_m", atmosphere.r0_m, 1e-4, 1e9)?;
+        if atmosphere.r0_wavelength_m != 0.0 {
+            within("atmosphere.r0_wavelength_m", atmosphere.r0_wavelength_m, 1e-7, 1e-4)?;
+        }
         for (index, layer) in atmosphere.layers.iter().enumerate() {
             let check = |field: &str, value, from, to| {
                 within(&format!("atmosphere.layers[{index}].{field}"), value, from, to)
@@ -74,7 +80,66 @@ impl Instrument {
         }
         within("laser.pulses_per_frame", f64::from(laser.pulses_per_frame), 1.0, 1e6)?;
         within("laser.electrons_per_spot", laser.electrons_per_spot, 1e-3, 1e9)?;
-        within("science.wavelength_m", science.wavelength_m, 1e-7, 1e-4)
+        // Narrower beams would be lost between two samples, wider ones are uniform.
+        within("laser.launch_waist_pitches", laser.launch_waist_pitches, 0.2, 10.0)?;
+        within("science.wavelength_m", science.wavelength_m, 1e-7, 1e-4)?;
+        self.check_beacon()
+    }
+
+    /// The beacon's depth and light.
+    fn check_beacon(&self) -> Result<(), Error> {
+        let Self { telescope, laser, photons, .. } = self;
+        within("laser.slices", laser.slices as f64, 0.0, MAX_SLICES as f64)?;
+        within("photons.laser_power_w", photons.laser_power_w, 1e-6, 1e6)?;
+        within("photons.launch_throughput", photons.launch_throughput, 1e-3, 1.0)?;
+        within("photons.transmission", photons.transmission, 1e-3, 1.0)?;
+        within("photons.receive_throughput", photons.receive_throughput, 1e-3, 1.0)?;
+        within("photons.quantum_efficiency", photons.quantum_efficiency, 1e-3, 1.0)?;
+        within("photons.site_altitude_m", photons.site_altitude_m, 0.0, 1e4)?;
+        within("photons.sodium_altitude_m", photons.sodium_altitude_m, 7e4, 12e4)?;
+        within("photons.sodium_fwhm_m", photons.sodium_fwhm_m, 100.0, 5e4)?;
+        within("photons.sodium_atoms_per_m2", photons.sodium_atoms_per_m2, 1e11, 1e15)?;
+        within("photons.sodium_cross_section_m2", photons.sodium_cross_section_m2, 1e-19, 1e-12)?;
+        if photons.number == PhotonNumberName::Lidar {
+            let electrons = self.electrons_per_spot()?;
+            within("photons: photo-electrons per spot and frame", electrons, 1e-3, 1e9)?;
+        }
+        if laser.slices == 1 {
+            return Ok(());
+        }
+        // From the slab's lower end z a spot at the pupil's edge is blurred by (1/z - 1/H) D to one side: within
+        // half of the image's period, n lambda/d.
+        let diameter_m = telescope.subapertures as f64 * telescope.pitch_m;
+        let period_rad = telescope.samples as f64 * laser.wavelength_m / telescope.pitch_m;
+        let steepest = period_rad * laser.beacon_height_m / (2.0 * diameter_m);
+        let deepest_m = 2.0 * laser.beacon_height_m * steepest / (1.0 + steepest);
+        if laser.gate_depth_m > deepest_m {
+            let limit = format!(
+                "at most {deepest_m:.1} with laser.slices = {}: beyond, the blur of the slab is wider than the \
+                 image of telescope.samples = {}",
+                laser.slices, telescope.samples
+            );
+            return Err(refuse("laser.gate_depth_m", laser.gate_depth_m, &limit));
+        }
+        Ok(())
+    }
+
+    /// The second gate.
+    fn check_second_gate(&self) -> Result<(), Error> {
+        let Self { laser, second_gate, .. } = self;
+        within("second_gate.height_m", second_gate.height_m, 0.0, laser.beacon_height_m)?;
+        if !Modes::COUNTS.contains(&second_gate.modes) {
+            return Err(refuse("second_gate.modes", second_gate.modes, "0, 12 or 25"));
+        }
+        within("second_gate.slope_noise_rad", second_gate.slope_noise_rad, 0.0, 100.0)?;
+        for (index, layer) in second_gate.layers.iter().enumerate() {
+            let check = |field: &str, value, from, to| {
+                within(&format!("second_gate.layers[{index}].{field}"), value, from, to)
+            };
+            check("weight", layer.weight, 1e-6, 1e9)?;
+            check("height_m", layer.height_m, 0.0, 0.999 * laser.beacon_height_m)?;
+        }
+        Ok(())
     }
 
     /// Detector and windows.
@@ -129,7 +194,9 @@ impl Instrument {
         if !(control.gain >= 1e-4 && control.gain < 2.0) {
             return Err(refuse("control.gain", number(control.gain), "above 0 and below 2"));
         }
-        within("control.lever_arm", control.lever_arm, 0.5, 1.9)?;
+        if let LeverArm::Factor(factor) = control.lever_arm {
+            check_lever_arm(factor)?;
+        }
         within("control.delay_frames", f64::from(control.delay_frames), 0.0, MAX_DELAY as f64)?;
         within("control.sweeps", f64::from(control.sweeps), 0.0, 1000.0)?;
         within("mirror.stroke_m", mirror.stroke_m, 1e-9, 1.0)?;
@@ -152,6 +219,11 @@ impl Instrument {
         within("safety.leak", safety.leak, 0.0, 1.0)?;
         within("safety.saturated_share", safety.saturated_share, 0.0, 1.0)
     }
+}
+
+/// What the firmware's law takes.
+pub(super) fn check_lever_arm(factor: f64) -> Result<(), Error> {
+    within("control.lever_arm", factor, 0.5, 1.9)
 }
 
 /// Degrees of an angle, rad, rounded up to a tenth.

@@ -98,7 +98,7 @@ impl Simulated {
     fn draw_sky(&self) -> Result<(Atmosphere, Imager), Error> {
         let Self { instrument, reconstructor, pupil, .. } = self;
         let turbulence = Turbulence::new(
-            instrument.atmosphere.r0_m,
+            instrument.r0_m(),
             &instrument.layers(),
             pupil.diameter_m(),
             pupil.pitch_m(),

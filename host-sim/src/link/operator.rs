@@ -19,6 +19,7 @@ use splash_firmware::fixed::{PISTON_LIMIT, TILT_LIMIT};
 use splash_firmware::gate::Range;
 use splash_firmware::image::{Head, Subaperture};
 use splash_firmware::link::{Counters, Identity, Reason, Request, Response, Status};
+use splash_firmware::mirror::Serials;
 use splash_firmware::mode::{Mode, Refusal, Transition};
 use splash_firmware::segments::Position;
 use splash_firmware::store::Stored;
@@ -592,6 +593,14 @@ impl Operator {
         };
         let command = Command::Position { subaperture, position };
         self.command("when a segment was to be poked", command)
+    }
+
+    /// Which mirror and detector the board has.
+    ///
+    /// # Errors
+    /// [`OperatorError`].
+    pub fn state_hardware(&mut self, serials: Serials) -> Result<(), OperatorError> {
+        self.command("when its hardware was stated", Command::Hardware(serials))
     }
 
     /// Another range: altitude and depth of the gate, m, and zenith angle, degrees.

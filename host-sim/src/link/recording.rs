@@ -8,13 +8,14 @@
 //! | `COMMANDS` | a frame: piston, tip and tilt of each segment, m |
 //! | `CODES` | a frame: DAC codes of each segment's actuators |
 //! | `FLUXES` | a frame: centroid, px; flux and peak, ADU; saturated pixels |
+//! | `FAULTS` | a fault, of a frame or not: the last frame begun, time, kind, what it says of itself |
 //!
 //! Every header has the hashes of build and configuration and the serial numbers; every row its frame's
 //! number. A frame of which a piece is missing is left out and counted.
 
 use crate::files::fits::{Column, FitsError, FitsWriter, Header, Values};
 use splash_firmware::centroid::Measurement;
-use splash_firmware::fault::NAMES;
+use splash_firmware::fault::{NAMES, Record as FaultRecord};
 use splash_firmware::fixed::CENTROID_BITS;
 use splash_firmware::image::Head;
 use splash_firmware::link::{Identity, Status};
@@ -35,6 +36,7 @@ pub struct Recording {
     commands: Lists<Position>,
     codes: Lists<[u16; 3]>,
     fluxes: Lists<Measurement>,
+    faults: Vec<FaultRecord>,
 }
 
 /// What a stream says, frame after frame.
@@ -117,6 +119,7 @@ impl Recording {
             }
             Record::Codes { frame, first, items } => self.codes.take(count, frame, first, &items),
             Record::Fluxes { frame, first, items } => self.fluxes.take(count, frame, first, &items),
+            Record::Fault(fault) => self.faults.push(fault),
         }
     }
 
@@ -127,6 +130,7 @@ impl Recording {
         self.commands.forget();
         self.codes.forget();
         self.fluxes.forget();
+        self.faults.clear();
     }
 
     /// Frames' records that have come.
@@ -151,6 +155,11 @@ impl Recording {
             codes.frames.len(),
             fluxes.frames.len(),
         ]
+    }
+
+    /// Faults that have come.
+    pub fn faults(&self) -> &[FaultRecord] {
+        &self.faults
     }
 
     /// Frames of which a piece is missing.
@@ -203,6 +212,18 @@ impl Recording {
             Column::plain("SATURATED", whole(items.iter().map(|m| m.saturated))),
         ];
         file.table("FLUXES", frames.len(), &columns, &header)?;
+
+        let faults = &self.faults;
+        let ticks = faults.iter().map(|record| record.at.ticks.min(i64::MAX as u64) as i64);
+        let kinds = faults.iter().map(|record| NAMES[record.fault.kind()].into());
+        let details = faults.iter().map(|record| format!("{:?}", record.fault));
+        let columns = [
+            number(&faults.iter().map(|record| record.at.frame).collect::<Vec<_>>()),
+            Column::plain("TICKS", Values::I64(ticks.collect())),
+            Column::plain("FAULT", Values::Text(kinds.collect())),
+            Column::plain("DETAIL", Values::Text(details.collect())),
+        ];
+        file.table("FAULTS", faults.len(), &columns, &header)?;
         file.finish()
     }
 

@@ -46,7 +46,7 @@ use super::comparator::Comparator;
 use super::point::Point;
 use super::statistics::Mean;
 use crate::closed_loop::Sensing;
-use crate::instrument::Instrument;
+use crate::instrument::{Instrument, LeverArm};
 use crate::optics::geometric::Sensor;
 
 /// An effect that is switched on.
@@ -144,7 +144,11 @@ pub fn chain(point: &Point, comparator: Comparator) -> Vec<(Step, Case)> {
     let has = |step: &Step| match step {
         Step::Fitting | Step::Aliasing | Step::Temporal => true,
         Step::Cone => beacon,
-        Step::LeverArm => beacon || instrument.control.lever_arm != 1.0,
+        // One by name is 1 where there is no beacon.
+        Step::LeverArm => {
+            let factor = matches!(instrument.control.lever_arm, LeverArm::Factor(f) if f != 1.0);
+            beacon || factor
+        }
         Step::ReturnPath => high && sensor == Sensor::Splash,
         Step::Quantisation | Step::Images => images,
         Step::Noise => images && !conditions.noise_free,

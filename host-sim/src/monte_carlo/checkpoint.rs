@@ -34,21 +34,23 @@ impl Checkpoint {
         let options = OpenOptions::new().read(true).append(true).create(true).clone();
         let file = options.open(path).map_err(failed)?;
         let text = std::fs::read_to_string(path).map_err(failed)?;
-        // Only a line that ends was written as a whole.
-        let whole = text.rfind('\n').map_or(0, |end| end + 1);
-        file.set_len(whole as u64).map_err(failed)?;
-        let mut finished = Finished::new();
-        for (index, line) in text[..whole].lines().enumerate() {
-            let (key, outcome) = parse(line).ok_or_else(|| {
-                Error::Run(format!(
-                    "{name}: line {}: {line:?} is not screen,case,strehl,variance_rad2; remove \
-                     the file to start again",
-                    index + 1
-                ))
-            })?;
-            finished.insert(key, outcome);
-        }
+        let whole = whole(&text);
+        file.set_len(whole.len() as u64).map_err(failed)?;
+        let finished = parse_all(whole, &name)?;
         Ok(Self { file, name, finished })
+    }
+
+    /// What is in a file that may be growing; nothing if there is none.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn read(path: &Path) -> Result<Finished, Error> {
+        let name = path.display().to_string();
+        match std::fs::read_to_string(path) {
+            Ok(text) => parse_all(whole(&text), &name),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Finished::new()),
+            Err(error) => Err(Error::Run(format!("{name}: {error}"))),
+        }
     }
 
     /// What is known so far.
@@ -72,6 +74,24 @@ impl Checkpoint {
         self.finished.extend(entries);
         Ok(())
     }
+}
+
+/// Only a line that ends was written as a whole.
+fn whole(text: &str) -> &str {
+    text.rfind('\n').map_or("", |end| &text[..=end])
+}
+
+fn parse_all(text: &str, name: &str) -> Result<Finished, Error> {
+    let numbered = text.lines().enumerate().map(|(index, line)| {
+        parse(line).ok_or_else(|| {
+            Error::Run(format!(
+                "{name}: line {}: {line:?} is not screen,case,strehl,variance_rad2; remove \
+                 the file to start again",
+                index + 1
+            ))
+        })
+    });
+    numbered.collect()
 }
 
 fn parse(line: &str) -> Option<((u32, Case), Outcome)> {

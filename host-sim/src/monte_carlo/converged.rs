@@ -4,8 +4,8 @@
 //! mirror off what it sees, so s + c is what it sees with a flat mirror, less its mean: the gain does not
 //! matter, and one frame is enough.
 
-use super::gradient_loop::{Tilts, remove_mean};
 use super::pistons::Pistons;
+use super::slope_control::{Tilts, remove_mean};
 use crate::atmosphere::Atmosphere;
 use crate::error::Error;
 use crate::instrument::Instrument;
@@ -43,7 +43,7 @@ impl Converged {
         let sensor = GeometricSensor::new(sensor, pupil, atmosphere, laser.beacon_height_m, scale)?;
         let flat = Mirror::flat(pupil.subapertures().len());
         Ok(Self {
-            sensor: sensor.with_effects(effects),
+            sensor: sensor.with_effects(effects).with_launch(instrument.launch()),
             science: Science::new(pupil, atmosphere, laser.wavelength_m, science.wavelength_m)?,
             pistons: Pistons::new(pupil),
             rad_per_px: lever_arm * std::f64::consts::PI / scale,

@@ -1,40 +1,26 @@
 //! A loop of exact gradients in double precision: no images, no detector, no rounding, no limits.
 //!
-//! It has the firmware's law, c' = (1 - g) c + g f (s + c_applied), with means removed from slopes and
-//! commands, and reaches pupils that the firmware does not. With a schedule it has the law of sub-cycles:
-//! x = s + c_applied of what is lit is kept, its mean is taken over everyone's latest, and only what is lit
-//! moves. Tips and tilts are phases from centre to edge: a centroid of one pixel of lambda/(p d) is pi/p of it.
+//! It has the firmware's law ([`super::slope_control`]), its sub-cycles too, and reaches pupils that the firmware does
+//! not. Tips and tilts are phases from centre to edge: a centroid of one pixel of lambda/(p d) is pi/p of it.
 
-use super::pistons::Pistons;
+use super::slope_control::{SlopeControl, Tilts, remove_mean};
 use crate::atmosphere::Atmosphere;
 use crate::error::Error;
 use crate::instrument::Instrument;
 use crate::lighting::Lighting;
 use crate::optics::geometric::{GeometricSensor, Sensor};
 use crate::optics::science::{Observation, Science};
-use crate::pupil::{Mirror, Pupil};
-use std::collections::VecDeque;
-
-/// Tips and tilts of the segments, rad from centre to edge.
-pub(super) type Tilts = Vec<[f64; 2]>;
+use crate::pupil::Pupil;
+use crate::range_diversity::law::Law;
 
 /// A loop and its state.
 pub struct GradientLoop {
     sensor: GeometricSensor,
     science: Science,
-    pistons: Pistons,
-    gain: f64,
-    lever_arm: f64,
+    control: SlopeControl,
     rad_per_px: f64,
-    commands: Tilts,
-    applied: Tilts,
-    /// Commands on their way to the mirror, oldest first: as many as the delay has frames.
-    pending: VecDeque<Tilts>,
-    mirror: Mirror,
-    centroids: Tilts,
+    slopes: Tilts,
     lighting: Lighting,
-    /// With a schedule: x of each subaperture, as it was last measured.
-    open_loop: Vec<Option<[f64; 2]>>,
     frame: u32,
 }
 
@@ -52,20 +38,14 @@ impl GradientLoop {
         let Instrument { laser, science, control, windows, .. } = instrument;
         let scale = windows.pixels_per_lambda_d;
         let height_m = laser.beacon_height_m;
-        let flat = vec![[0.0; 2]; pupil.subapertures().len()];
+        let law = Law::scalar(instrument.lever_arm(sensor)?);
         Ok(Self {
-            sensor: GeometricSensor::new(sensor, pupil, atmosphere, height_m, scale)?,
+            sensor: GeometricSensor::new(sensor, pupil, atmosphere, height_m, scale)?
+                .with_launch(instrument.launch()),
             science: Science::new(pupil, atmosphere, laser.wavelength_m, science.wavelength_m)?,
-            pistons: Pistons::new(pupil),
-            gain: control.gain,
-            lever_arm: control.lever_arm,
+            control: SlopeControl::new(pupil, law, control.gain, control.delay_frames),
             rad_per_px: std::f64::consts::PI / scale,
-            mirror: Mirror::flat(flat.len()),
-            pending: vec![flat.clone(); usize::from(control.delay_frames)].into(),
-            commands: flat.clone(),
-            applied: flat.clone(),
-            open_loop: vec![None; flat.len()],
-            centroids: flat,
+            slopes: vec![[0.0; 2]; pupil.subapertures().len()],
             lighting: Lighting::on(&instrument.clone().seen_by(sensor), pupil)?,
             frame: 0,
         })
@@ -81,63 +61,18 @@ impl GradientLoop {
         time_s: f64,
         observe: bool,
     ) -> Option<Observation> {
-        let observation = observe.then(|| self.science.observe(atmosphere, time_s, &self.mirror));
-        self.sensor.centroids(atmosphere, time_s, &self.mirror, &mut self.centroids);
-        match self.lighting.count() {
-            1 => self.update(),
-            _ => self.update_part(),
+        let mirror = self.control.mirror();
+        let observation = observe.then(|| self.science.observe(atmosphere, time_s, mirror));
+        self.sensor.centroids(atmosphere, time_s, mirror, &mut self.slopes);
+        self.slopes.as_flattened_mut().iter_mut().for_each(|slope| *slope *= self.rad_per_px);
+        if self.lighting.count() == 1 {
+            remove_mean(&mut self.slopes);
+            self.control.step(&mut self.slopes, &mut []);
+        } else {
+            let lit = |i| self.lighting.lights(self.frame, i);
+            self.control.step_part(&self.slopes, lit);
         }
         self.frame = self.frame.wrapping_add(1);
-        self.pending.push_back(self.commands.clone());
-        if let Some(next) = self.pending.pop_front() {
-            self.applied = next;
-        }
-        let pistons = self.pistons.solve(&self.applied);
-        let shape = pistons.iter().zip(&self.applied);
-        self.mirror.segments = shape.map(|(&piston, &[tip, tilt])| [piston, tip, tilt]).collect();
         observation
-    }
-
-    /// The law, where all are lit.
-    fn update(&mut self) {
-        remove_mean(&mut self.centroids);
-        let measured = self.centroids.iter().zip(&self.applied);
-        for (command, (centroid, applied)) in self.commands.iter_mut().zip(measured) {
-            for axis in 0..2 {
-                let open = self.rad_per_px * centroid[axis] + applied[axis];
-                command[axis] += self.gain * (self.lever_arm * open - command[axis]);
-            }
-        }
-        remove_mean(&mut self.commands);
-    }
-
-    /// The law of a sub-cycle.
-    fn update_part(&mut self) {
-        let lit = |i: &usize| self.lighting.lights(self.frame, *i);
-        let lit: Vec<usize> = (0..self.commands.len()).filter(lit).collect();
-        for &i in &lit {
-            let open = |axis| self.rad_per_px * self.centroids[i][axis] + self.applied[i][axis];
-            self.open_loop[i] = Some([open(0), open(1)]);
-        }
-        let known = self.open_loop.iter().flatten();
-        let count = known.clone().count().max(1) as f64;
-        let mean = known.fold([0.0; 2], |sum, x| [sum[0] + x[0], sum[1] + x[1]]);
-        for &i in &lit {
-            let (Some(open), command) = (self.open_loop[i], &mut self.commands[i]) else {
-                continue;
-            };
-            for axis in 0..2 {
-                let open = open[axis] - mean[axis] / count;
-                command[axis] += self.gain * (self.lever_arm * open - command[axis]);
-            }
-        }
-    }
-}
-
-/// Global tip and tilt are not the sensor's to correct.
-pub(super) fn remove_mean(tilts: &mut [[f64; 2]]) {
-    for axis in 0..2 {
-        let mean = tilts.iter().map(|tilt| tilt[axis]).sum::<f64>() / tilts.len() as f64;
-        tilts.iter_mut().for_each(|tilt| tilt[axis] -= mean);
     }
 }

@@ -57,7 +57,7 @@ pub struct Point {
 
 impl Point {
     /// `n` subapertures of the description's size across the pupil: 4 to 40 with images, which the firmware
-    /// takes, 4 to 120 with gradients.
+    /// takes, 4 to 128 with gradients.
     ///
     /// # Errors
     /// [`Error::Config`] with field, value and limit.
@@ -157,7 +157,7 @@ impl Point {
         progress: &mut dyn FnMut(f64),
     ) -> Result<Prepared<'_>, Error> {
         let turbulence = Turbulence::new(
-            self.instrument.atmosphere.r0_m,
+            self.instrument.r0_m(),
             &self.instrument.layers(),
             self.pupil.diameter_m(),
             self.pupil.pitch_m(),
@@ -166,12 +166,22 @@ impl Point {
         let mut eyes: Vec<Eye> = cases.iter().filter_map(|&case| self.eye(case)).collect();
         eyes.sort_unstable();
         eyes.dedup();
+        let mut sensors: Vec<Sensor> =
+            cases.iter().filter_map(|case| case.comparator.sensor()).collect();
+        sensors.sort_unstable();
+        sensors.dedup();
+        let own = |sensor: Sensor| Ok((sensor, self.instrument_for(sensor)?));
+        let instruments: Vec<_> = sensors.into_iter().map(own).collect::<Result<_, Error>>()?;
         let mut reconstructors = Vec::new();
         for (index, &eye) in eyes.iter().enumerate() {
-            let instrument = self.instrument_of(eye);
+            let (Eye::Images { comparator, .. } | Eye::Gradients { comparator }) = eye;
+            let Some(sensor) = comparator.sensor() else { continue };
+            let mut instrument = self.instrument_for(sensor)?;
+            if matches!(eye, Eye::Images { noise_free: true, .. }) {
+                instrument = instrument.noise_free();
+            }
             let mut reconstructor = Reconstructor::new(&instrument)?;
-            if let Eye::Images { comparator, .. } = eye {
-                let Some(sensor) = comparator.sensor() else { continue };
+            if matches!(eye, Eye::Images { .. }) {
                 let slopes = SlopeCalibration::of(sensor, &instrument, &mut |done| {
                     progress((index as f64 + done) / eyes.len() as f64);
                 })?;
@@ -179,7 +189,7 @@ impl Point {
             }
             reconstructors.push((eye, instrument, reconstructor));
         }
-        Ok(Prepared { point: self, turbulence, reconstructors })
+        Ok(Prepared { point: self, turbulence, instruments, reconstructors })
     }
 
     /// What the firmware is given in a case; `None` in cases without firmware.
@@ -194,20 +204,16 @@ impl Point {
         }
     }
 
-    fn instrument_of(&self, eye: Eye) -> Instrument {
-        let (Eye::Gradients { comparator } | Eye::Images { comparator, .. }) = eye;
-        let instrument = match eye {
-            Eye::Images { noise_free: true, .. } => self.instrument.clone().noise_free(),
-            _ => self.instrument.clone(),
-        };
-        comparator.sensor().map_or(instrument.clone(), |sensor| instrument.seen_by(sensor))
+    /// The instrument as `sensor` has it, and its control law.
+    fn instrument_for(&self, sensor: Sensor) -> Result<Instrument, Error> {
+        self.instrument.clone().seen_by(sensor).with_lever_arm_of(sensor)
     }
 }
 
 /// What the firmware is given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Eye {
-    /// Exact gradients, with the ideal calibration.
+    /// Exact gradients: the ideal calibration is every sensor's, the control law its own.
     Gradients {
         comparator: Comparator,
     },
@@ -242,6 +248,8 @@ fn pupil(instrument: &Instrument) -> Result<Pupil, Error> {
 pub struct Prepared<'a> {
     point: &'a Point,
     turbulence: Turbulence,
+    /// Of each sensor, with its own control law.
+    instruments: Vec<(Sensor, Instrument)>,
     /// With the instrument that each is for.
     reconstructors: Vec<(Eye, Instrument, Reconstructor)>,
 }
@@ -262,11 +270,13 @@ impl Prepared<'_> {
     }
 
     fn case(&self, case: Case, seed: u64, atmosphere: &Arc<Atmosphere>) -> Result<Outcome, Error> {
-        let lever_arm = self.point.instrument.control.lever_arm;
         let Some(sensor) = case.comparator.sensor() else { return self.fit(atmosphere) };
         if let Some(eye) = self.point.eye(case) {
             return self.firmware(eye, sensor, seed, atmosphere);
         }
+        let found = self.instruments.iter().find(|(of, _)| *of == sensor);
+        let (_, instrument) = found.expect("prepared for this case");
+        let lever_arm = instrument.lever_arm(sensor)?;
         let cone = Effects { lever_arm: false, return_path: false };
         match case.until {
             Some(Step::Fitting) => self.fit(atmosphere),
@@ -278,7 +288,7 @@ impl Prepared<'_> {
             }
             Some(Step::ReturnPath) => self.converged(sensor, Effects::ALL, lever_arm, atmosphere),
             // What is left has exact gradients in a loop.
-            _ => self.gradients(sensor, atmosphere),
+            _ => self.gradients(instrument, sensor, atmosphere),
         }
     }
 
@@ -329,8 +339,13 @@ impl Prepared<'_> {
     }
 
     /// With exact gradients in double precision.
-    fn gradients(&self, sensor: Sensor, atmosphere: &Atmosphere) -> Result<Outcome, Error> {
-        let Point { instrument, pupil, .. } = self.point;
+    fn gradients(
+        &self,
+        instrument: &Instrument,
+        sensor: Sensor,
+        atmosphere: &Atmosphere,
+    ) -> Result<Outcome, Error> {
+        let Point { pupil, .. } = self.point;
         let mut closed = GradientLoop::new(instrument, pupil, atmosphere, sensor)?;
         let mut sum = Sum::default();
         for frame in 0..self.point.frames() {

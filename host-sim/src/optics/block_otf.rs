@@ -1,6 +1,7 @@
 //! The upward transfer function: that of one subaperture.
 
 use super::lane_fft::LANES;
+use super::launch::Launch;
 use super::otf::{Lags, PathPhase};
 use super::sincos::sin_cos;
 use pulp::Simd;
@@ -12,6 +13,8 @@ pub(crate) struct BlockOtf {
     width: usize,
     /// Floats per row of the padded amplitude.
     stride: usize,
+    /// Amplitude of the light at each sample, `[row][col]`, mean square one.
+    beam: Vec<f32>,
 }
 
 /// Buffers of [`BlockOtf::lags`].
@@ -23,9 +26,12 @@ pub(crate) struct BlockOtfScratch {
 }
 
 impl BlockOtf {
-    pub(crate) fn new(samples: usize) -> Self {
+    /// That of the light of `launch`, over `samples` x `samples` of them.
+    pub(crate) fn new(samples: usize, launch: Launch) -> Self {
         let width = (2 * samples - 1).next_multiple_of(LANES);
-        Self { samples, width, stride: samples + width }
+        let line = launch.amplitudes(samples);
+        let beam = line.iter().flat_map(|y| line.iter().map(move |x| (x * y) as f32)).collect();
+        Self { samples, width, stride: samples + width, beam }
     }
 
     pub(crate) fn scratch(&self) -> BlockOtfScratch {
@@ -60,7 +66,8 @@ impl BlockOtf {
             for lane in 0..LANES.min(n * n - chunk * LANES) {
                 let k = chunk * LANES + lane;
                 let at = k / n * self.stride + n - 1 + k % n;
-                (re[at], im[at]) = (cos[lane], phase[lane]);
+                let beam = self.beam[k];
+                (re[at], im[at]) = (beam * cos[lane], beam * phase[lane]);
             }
         }
         for ly in 0..n {

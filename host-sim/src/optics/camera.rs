@@ -2,6 +2,8 @@
 
 use super::OpticsError;
 use super::geometric::Sensor;
+use super::launch::Launch;
+use super::slab::Slab;
 use super::splash_image::SplashCamera;
 use super::subaperture_image::SubapertureCamera;
 use crate::atmosphere::Atmosphere;
@@ -41,6 +43,28 @@ impl Camera {
             }
             Sensor::Lgs => Self::Subapertures(of_guide_star(Some(beacon_height_m))?.into()),
             Sensor::Ngs => Self::Subapertures(of_guide_star(None)?.into()),
+        })
+    }
+
+    /// The same camera with beams of this shape; guide stars have none of them.
+    #[must_use]
+    pub fn with_launch(self, launch: Launch) -> Self {
+        match self {
+            Self::Splash(camera) => Self::Splash(Box::new(camera.with_launch(launch))),
+            Self::Subapertures(_) => self,
+        }
+    }
+
+    /// The same camera with its beacon's light from this slab; a natural star has none.
+    ///
+    /// # Errors
+    /// As [`SplashCamera::with_slab`].
+    pub fn with_slab(self, slab: Slab, atmosphere: &Atmosphere) -> Result<Self, OpticsError> {
+        Ok(match self {
+            Self::Splash(camera) => Self::Splash(camera.with_slab(slab, atmosphere)?.into()),
+            Self::Subapertures(camera) => {
+                Self::Subapertures(camera.with_slab(slab, atmosphere)?.into())
+            }
         })
     }
 

@@ -1,6 +1,19 @@
 //! Centroids as mean gradients of the wavefront, without diffraction.
+//!
+//! SPLASH's beams leave the telescope parallel to its axis, each converging to a focus at the beacon's height H:
+//! at height h, beam i is a square of side d (1 - h/H) centred on x_i. A second gate images the spots on their
+//! way, at a height z < H, where a layer's tilt theta at h has moved the spot by theta (z - h), which the telescope
+//! sees as theta (1 - h/z); a layer above z has not moved it yet. The light comes back from (x_i, z) to the whole
+//! pupil, so that
+//!
+//! up: (1 - h/z) <grad phi_h> over that square,
+//! back: (1 - h/z) <grad phi_h((1 - h/z) x + (h/z) x_i)>, the mean over the pupil.
+//!
+//! The spot at z is d (1 - z/H) wide; the way back is taken from its centre. The centroid of the light that the
+//! beam has left there moves as its mean gradient does, in focus or not.
 
 use super::OpticsError;
+use super::launch::Launch;
 use super::phase::{Path, check_geometry};
 use super::sampling::{Footprint, Stencil};
 use crate::atmosphere::{Atmosphere, Flow};
@@ -8,7 +21,7 @@ use crate::pupil::{Mirror, Pupil};
 use rayon::prelude::*;
 
 /// What the wavefront sensor looks at.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Sensor {
     /// Spots launched through each subaperture and seen by the whole telescope.
     Splash,
@@ -35,11 +48,18 @@ impl Effects {
 /// The geometric model of a sensor. The gradient is averaged over the continuous wavefront: its
 /// mean over a square follows from the phase on the square's edges, its mean over the pupil from
 /// the phase on the outline of the pupil.
+///
+/// SPLASH's beams may be Gaussian: the centre of gravity of a far field is the mean of the gradient
+/// weighted by the beam's intensity. The weight is one number for each of the square's cells, as
+/// for the images; over a cell the gradient is the difference between its edges.
 pub struct GeometricSensor {
     sensor: Sensor,
     effects: Effects,
+    launch: Launch,
     pupil: Pupil,
     beacon_height_m: f64,
+    /// Where the spots are imaged: at the beacon's height, or by a second gate below.
+    gate_height_m: f64,
     /// px per (rad per subaperture): lambda/(2 pi d) in pixels.
     pixels_per_rad: f64,
     /// The pupil's outline across x and across y.
@@ -63,6 +83,16 @@ struct AxisStencils {
     lines: Vec<Stencil>,
     /// The mean over the samples of a subaperture, N.
     blocks: Vec<Stencil>,
+    /// If beams are not uniform, along which `blocks` and edges are those of the pupil only.
+    beams: Vec<Beam>,
+}
+
+/// A beam's mean over its subaperture, weighted by its intensity.
+struct Beam {
+    /// Of the phase.
+    phase: Stencil,
+    /// Of its gradient, per side of the subaperture.
+    gradient: Stencil,
 }
 
 impl GeometricSensor {
@@ -81,8 +111,10 @@ impl GeometricSensor {
         Ok(Self {
             sensor,
             effects: Effects::ALL,
+            launch: Launch::Uniform,
             pupil: pupil.clone(),
             beacon_height_m,
+            gate_height_m: beacon_height_m,
             pixels_per_rad: pixels_per_lambda_d / std::f64::consts::TAU,
             outline: [0, 1].map(|axis| outline(pupil, axis)),
             footprint: Footprint::default(),
@@ -95,6 +127,29 @@ impl GeometricSensor {
         Self { effects, ..self }
     }
 
+    /// The same sensor with its spots imaged at `height_m`, from above 0 to the beacon's height; only SPLASH has
+    /// spots to image on their way.
+    ///
+    /// # Errors
+    /// [`OpticsError`] with the limit.
+    ///
+    /// # Panics
+    /// For a guide star.
+    pub fn with_gate(self, height_m: f64) -> Result<Self, OpticsError> {
+        assert_eq!(self.sensor, Sensor::Splash, "a second gate");
+        if super::error::positive("gate_height_m", height_m)? > self.beacon_height_m {
+            let limit = format!("<= the beacon's height of {} m", self.beacon_height_m);
+            return Err(OpticsError::range("gate_height_m", height_m, limit));
+        }
+        Ok(Self { gate_height_m: height_m, ..self })
+    }
+
+    /// The same sensor with beams of this shape; guide stars have none.
+    #[must_use]
+    pub fn with_launch(self, launch: Launch) -> Self {
+        Self { launch, ..self }
+    }
+
     /// Whether the sensor looks at each spot through the whole pupil.
     fn looks_back(&self) -> bool {
         self.sensor == Sensor::Splash && self.effects.return_path
@@ -103,7 +158,7 @@ impl GeometricSensor {
     /// Centroids [x, y] in pixels at `time_s` with `mirror` in the pupil, in the order of
     /// [`Pupil::subapertures`].
     ///
-    /// SPLASH: the mean gradient of phi_i - m over subaperture i less its mean over the pupil,
+    /// SPLASH: the mean gradient of phi_i - m over beam i less its mean over the pupil,
     /// phi_i being the phase from spot i. Guide stars: the mean gradient over the subaperture.
     /// The steps between segments carry no light and are not counted: a piston has no effect.
     ///
@@ -122,8 +177,11 @@ impl GeometricSensor {
         assert_eq!(mirror.segments.len(), subapertures, "mirror segments");
         centroids.fill([0.0; 2]);
         for flow in &atmosphere.flows {
-            self.footprint.cut(flow, atmosphere, time_s);
-            self.add_layer(flow, centroids);
+            // Light that is imaged below a layer has not met it.
+            if self.sensor == Sensor::Ngs || flow.height_m < self.gate_height_m {
+                self.footprint.cut(flow, atmosphere, time_s);
+                self.add_layer(flow, centroids);
+            }
         }
         let mean = self.mean_tilt(mirror);
         for (centroid, segment) in centroids.iter_mut().zip(&mirror.segments) {
@@ -151,53 +209,71 @@ impl GeometricSensor {
         let across = self.pupil.across();
         // Only SPLASH sees a layer above the ground from as many places as it has spots.
         let places = self.sensor == Sensor::Splash && flow.height_m > 0.0;
-        let stencils = |axis: usize| -> Vec<AxisStencils> {
+        let stencils = |axis: usize, from_m: f64| -> Vec<AxisStencils> {
             let positions = if places { 0..across } else { 0..1 };
             let position = |index| if places { self.pupil.centre_m(index) } else { 0.0 };
-            positions.map(|index| self.stencils(axis, flow.height_m, position(index))).collect()
+            let path = |index| self.path(from_m, [position(index); 2]);
+            positions.map(|index| self.stencils(axis, flow.height_m, path(index))).collect()
         };
-        let (along_x, along_y) = (stencils(0), stencils(1));
+        let (along_x, along_y) =
+            (stencils(0, self.beacon_height_m), stencils(1, self.beacon_height_m));
+        let second = (self.gate_height_m != self.beacon_height_m)
+            .then(|| (stencils(0, self.gate_height_m), stencils(1, self.gate_height_m)));
+        let (back_x, back_y) = second.as_ref().map_or((&along_x, &along_y), |(x, y)| (x, y));
         let pupil_mean = |x: &AxisStencils, y: &AxisStencils| match self.looks_back() {
             true => [0, 1].map(|axis| self.pupil_gradient(axis, x, y)),
             false => [0.0; 2],
         };
-        let (arm, _) = self.path([0.0; 2]).through(flow.height_m);
-        let factor = if self.effects.lever_arm { 1.0 } else { 1.0 / arm };
-        let shared = (!places).then(|| pupil_mean(&along_x[0], &along_y[0]));
+        let [up, back] = self.factors(flow.height_m);
+        let shared = (!places).then(|| pupil_mean(&back_x[0], &back_y[0]));
         centroids.par_iter_mut().zip(self.pupil.subapertures()).for_each(
             |(centroid, &[ix, iy])| {
                 let (x, y) =
                     if places { (&along_x[ix], &along_y[iy]) } else { (&along_x[0], &along_y[0]) };
-                let mean = shared.unwrap_or_else(|| pupil_mean(x, y));
+                let mean = shared.unwrap_or_else(|| pupil_mean(&back_x[ix], &back_y[iy]));
                 let edges = |axis: usize| {
                     let across_x =
                         |line: usize| self.footprint.integrate(&x.lines[line], &y.blocks[iy]);
                     let across_y =
                         |line: usize| self.footprint.integrate(&x.blocks[ix], &y.lines[line]);
-                    match axis {
-                        0 => across_x(ix + 1) - across_x(ix),
-                        _ => across_y(iy + 1) - across_y(iy),
+                    match (axis, x.beams.get(ix), y.beams.get(iy)) {
+                        (0, Some(x), Some(y)) => self.footprint.integrate(&x.gradient, &y.phase),
+                        (_, Some(x), Some(y)) => self.footprint.integrate(&x.phase, &y.gradient),
+                        (0, ..) => across_x(ix + 1) - across_x(ix),
+                        (_, ..) => across_y(iy + 1) - across_y(iy),
                     }
                 };
                 for axis in 0..2 {
-                    centroid[axis] += factor * (edges(axis) - mean[axis]);
+                    centroid[axis] += match up == back {
+                        true => up * (edges(axis) - mean[axis]),
+                        false => up * edges(axis) - back * mean[axis],
+                    };
                 }
             },
         );
     }
 
-    /// From a spot, or from the guide star.
-    fn path(&self, position_m: [f64; 2]) -> Path {
-        match self.sensor {
-            Sensor::Ngs => Path::Star,
-            Sensor::Splash | Sensor::Lgs => {
-                Path::Beacon { height_m: self.beacon_height_m, position_m }
-            }
+    /// What the differences of a layer's phase over a square and over the pupil count for: over what the beam
+    /// covers, 1 - h/H of a subaperture, they are 1 - h/H of the gradient that turns it by 1 - h/z.
+    fn factors(&self, height_m: f64) -> [f64; 2] {
+        let arm = |from_m| self.path(from_m, [0.0; 2]).through(height_m).0;
+        let [focus, gate] = [self.beacon_height_m, self.gate_height_m].map(arm);
+        match self.effects.lever_arm {
+            true => [gate / focus, 1.0],
+            false => [1.0 / focus, 1.0 / gate],
         }
     }
 
-    fn stencils(&self, axis: usize, height_m: f64, position_m: f64) -> AxisStencils {
-        let (scale, shift) = self.path([position_m; 2]).through(height_m);
+    /// From a spot that is at height `from_m`, or from the guide star.
+    fn path(&self, from_m: f64, position_m: [f64; 2]) -> Path {
+        match self.sensor {
+            Sensor::Ngs => Path::Star,
+            Sensor::Splash | Sensor::Lgs => Path::Beacon { height_m: from_m, position_m },
+        }
+    }
+
+    fn stencils(&self, axis: usize, height_m: f64, path: Path) -> AxisStencils {
+        let (scale, shift) = path.through(height_m);
         let at_layer = |pupil_m: f64| scale * pupil_m + shift[axis];
         let pupil = &self.pupil;
         let (across, samples) = (pupil.across(), pupil.samples());
@@ -209,7 +285,33 @@ impl GeometricSensor {
                 .collect();
             self.footprint.mean(axis, &offsets)
         });
-        AxisStencils { lines: lines.collect(), blocks: blocks.collect() }
+        let beams = if self.is_shaped() { 0..across } else { 0..0 };
+        let beams = beams.map(|block| self.beam(axis, |k| at_layer(line_m(block) + k)));
+        AxisStencils { lines: lines.collect(), blocks: blocks.collect(), beams: beams.collect() }
+    }
+
+    /// Whether there are beams that weight their subaperture.
+    fn is_shaped(&self) -> bool {
+        self.sensor == Sensor::Splash && self.launch != Launch::Uniform
+    }
+
+    /// A beam along one axis; `place` takes metres from the subaperture's edge to metres at the layer.
+    fn beam(&self, axis: usize, place: impl Fn(f64) -> f64) -> Beam {
+        let samples = self.pupil.samples();
+        let places = |from: f64, count: usize| -> Vec<f64> {
+            let pitch_m = self.pupil.sample_pitch_m();
+            (0..count).map(|k| place((k as f64 + from) * pitch_m)).collect()
+        };
+        let slopes = self.launch.intensities(samples);
+        let weights: Vec<f64> = slopes.iter().map(|slope| slope / samples as f64).collect();
+        // A cell's gradient is the difference between its edges: each edge has a cell on either side.
+        let right = slopes.iter().chain([&0.0]);
+        let left = [0.0].into_iter().chain(slopes.iter().copied());
+        let edges: Vec<f64> = left.zip(right).map(|(left, right)| left - right).collect();
+        Beam {
+            phase: self.footprint.weighted(axis, &places(0.5, samples), &weights),
+            gradient: self.footprint.weighted(axis, &places(0.0, samples + 1), &edges),
+        }
     }
 
     /// Mean gradient over the pupil in rad per subaperture: inside, the edges of neighbouring

@@ -6,6 +6,8 @@
 //! | [`phase`] | the phase along the paths from a star, a laser guide star or a SPLASH spot |
 //! | [`splash_image`] | noise-free images of the spots, by wave optics |
 //! | [`subaperture_image`] | the same of a guide star, through each subaperture |
+//! | [`launch`] | the beam that is launched through a subaperture |
+//! | [`slab`] | the depth of the beacon, in slices |
 //! | [`camera`] | one of the two, by sensor |
 //! | [`geometric`] | centroids as mean gradients, for SPLASH and for guide stars |
 //! | [`segment_fit`] | the mirror that leaves the least of the star's phase |
@@ -18,6 +20,7 @@ pub(crate) mod error;
 mod focal_plane;
 pub mod geometric;
 mod lane_fft;
+pub mod launch;
 pub mod long_exposure;
 mod otf;
 pub mod phase;
@@ -25,6 +28,7 @@ mod sampling;
 pub mod science;
 pub mod segment_fit;
 pub(crate) mod sincos;
+pub mod slab;
 pub mod splash_image;
 pub mod subaperture_image;
 

@@ -102,13 +102,28 @@ impl Footprint {
 
     /// The mean over a list of coordinates along `axis`, as weights of neighbouring texels.
     pub(crate) fn mean(&self, axis: usize, offsets_m: &[f64]) -> Stencil {
+        self.stencil(axis, offsets_m, |_, weight| weight / offsets_m.len() as f64)
+    }
+
+    /// The sum over such a list with a weight for each coordinate.
+    pub(crate) fn weighted(&self, axis: usize, offsets_m: &[f64], weights: &[f64]) -> Stencil {
+        self.stencil(axis, offsets_m, |k, weight| weight * weights[k])
+    }
+
+    /// Interpolation at all coordinates, `scaled` by their number in the list, in one.
+    fn stencil(
+        &self,
+        axis: usize,
+        offsets_m: &[f64],
+        scaled: impl Fn(usize, f64) -> f64,
+    ) -> Stencil {
         let cubics: Vec<_> = offsets_m.iter().map(|&offset| self.cubic(axis, offset)).collect();
         let first = cubics.iter().map(|cubic| cubic.0).min().unwrap_or(0);
         let last = cubics.iter().map(|cubic| cubic.0 + 3).max().unwrap_or(0);
         let mut weights = vec![0.0; last + 1 - first];
-        for (start, cubic) in cubics {
+        for (k, (start, cubic)) in cubics.into_iter().enumerate() {
             for (sum, weight) in weights[start - first..].iter_mut().zip(cubic) {
-                *sum += weight / offsets_m.len() as f64;
+                *sum += scaled(k, weight);
             }
         }
         Stencil { first, weights }

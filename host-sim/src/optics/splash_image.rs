@@ -3,20 +3,23 @@
 //! Spot i is made by the beam launched through subaperture i and seen by the whole telescope
 //! (Butterley et al. 2006): its image is the upward point spread function convolved with the
 //! reversed downward one, OTF = OTF_up conj(OTF_down). A gradient on the way up moves the spot,
-//! the same gradient on the way down moves its image back.
+//! the same gradient on the way down moves its image back. The light of a deep beacon comes in slices
+//! ([`slab`](super::slab)), whose images add up.
 
 use super::OpticsError;
 use super::block_otf::{BlockOtf, BlockOtfScratch};
 use super::focal_plane::{FocalPlane, FocalPlaneScratch};
 use super::lane_fft::LANES;
+use super::launch::Launch;
 use super::otf::{HighLayer, Lags, PathPhase, PupilOtf, PupilOtfScratch, to_lanes};
 use super::phase::{Path, PhaseSampler, check_geometry};
 use super::sampling::{Footprint, Taps};
+use super::slab::{Slab, Slice};
 use crate::atmosphere::Atmosphere;
 use crate::pupil::{Mirror, Pupil};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Detector pixels in lambda/d unless another scale is asked for.
 pub const PIXELS_PER_LAMBDA_D: f64 = 2.0;
@@ -25,6 +28,7 @@ pub const PIXELS_PER_LAMBDA_D: f64 = 2.0;
 pub struct SplashCamera {
     pupil: Pupil,
     beacon_height_m: f64,
+    slab: Slab,
     window: usize,
     pupil_otf: PupilOtf,
     block_otf: BlockOtf,
@@ -33,7 +37,7 @@ pub struct SplashCamera {
     mask: Vec<f32>,
     sampler: PhaseSampler,
     footprint: Footprint,
-    /// Whose images are made; all, if it is empty.
+    /// Which spots are wanted; those beyond its end are.
     lit: Vec<bool>,
     /// Phase of the layers at the ground less the mirror's: `[row][col]`, and in lanes.
     ground: Vec<f32>,
@@ -42,7 +46,16 @@ pub struct SplashCamera {
     /// Part of the mirror that is in the return path; where it is not all, `common` of that path.
     returned: f32,
     common_back: Vec<f32>,
+    /// Those with a slice's defocus.
+    defocused: Vec<f32>,
+    defocused_back: Vec<f32>,
+    /// Squares of the distances from the axis, m^2, in lanes; empty for a sheet.
+    squares_m2: Vec<f32>,
+    /// Layers above the ground on the way up, and on the way down from a slice that is not at the focus.
     high: Vec<High>,
+    high_down: Vec<High>,
+    /// The spots' transfer functions, summed over the slices.
+    totals: Vec<Lags>,
     scratch: Vec<Mutex<Scratch>>,
 }
 
@@ -92,7 +105,7 @@ impl SplashCamera {
             beacon_height_m,
             window,
             pupil_otf: PupilOtf::new(pupil),
-            block_otf: BlockOtf::new(samples),
+            block_otf: BlockOtf::new(samples, Launch::Uniform),
             focal_plane,
             mask,
             sampler: PhaseSampler::default(),
@@ -103,9 +116,35 @@ impl SplashCamera {
             common: vec![0.0; lanes],
             returned: 1.0,
             common_back: vec![],
+            defocused: vec![],
+            defocused_back: vec![],
+            squares_m2: vec![],
             high: vec![],
+            high_down: vec![],
+            totals: vec![Lags::new(samples); pupil.subapertures().len()],
+            slab: Slab::sheet(beacon_height_m),
             scratch: vec![],
         })
+    }
+
+    /// The same camera with beams of this shape: uniform ones unless this is called.
+    #[must_use]
+    pub fn with_launch(self, launch: Launch) -> Self {
+        Self { block_otf: BlockOtf::new(self.pupil.samples(), launch), ..self }
+    }
+
+    /// The same camera with light from this slab, focused at the beacon's height: a sheet there unless this
+    /// is called. `atmosphere` is that of [`Self::new`].
+    ///
+    /// # Errors
+    /// [`OpticsError`] if a slice is not above all layers, or so far from the focus that its blur does not
+    /// fit into the image's period.
+    pub fn with_slab(self, slab: Slab, atmosphere: &Atmosphere) -> Result<Self, OpticsError> {
+        let pupil = &self.pupil;
+        check_geometry(pupil, atmosphere, Some(slab.lowest_m()))?;
+        slab.check(pupil.diameter_m(), pupil.sample_pitch_m())?;
+        let squares_m2 = if slab.is_sheet() { vec![] } else { squares_m2(pupil) };
+        Ok(Self { slab, squares_m2, ..self })
     }
 
     /// W, pixels on the side of a window.
@@ -130,9 +169,13 @@ impl SplashCamera {
         self.returned = part;
     }
 
+    fn is_lit(&self, spot: usize) -> bool {
+        self.lit.get(spot) != Some(&false)
+    }
+
     /// The images at `time_s` with `mirror` in the pupil on both paths: `[spot][row][column]`,
-    /// the fraction of that spot's light that falls on each pixel; what is not lit is left alone. The same to the bit for any
-    /// number of threads.
+    /// the fraction of that spot's light that falls on each pixel; what is not lit is left alone. The same
+    /// to the bit for any number of threads.
     ///
     /// # Panics
     /// If `images` is not spots x W x W, `mirror` does not have one segment per spot, `time_s` is
@@ -148,7 +191,8 @@ impl SplashCamera {
         let pixels = self.window * self.window;
         assert_eq!(images.len(), self.spots() * pixels, "images");
         self.prepare_common(atmosphere, time_s, mirror);
-        self.prepare_high(atmosphere, time_s);
+        let (footprint, pupil) = (&mut self.footprint, &self.pupil);
+        prepare_high(&mut self.high, footprint, pupil, self.beacon_height_m, atmosphere, time_s);
         while self.scratch.len() < rayon::current_num_threads() {
             self.scratch.push(Mutex::new(Scratch {
                 pupil: self.pupil_otf.scratch(),
@@ -158,46 +202,76 @@ impl SplashCamera {
                 down: Lags::new(self.pupil.samples()),
             }));
         }
+        let mut totals = std::mem::take(&mut self.totals);
+        for lags in &mut totals {
+            lags.re.fill(0.0);
+            lags.im.fill(0.0);
+        }
+        for slice in self.slab.slices.clone() {
+            self.add_slice(slice, atmosphere, time_s, &mut totals);
+        }
+        let (arch, camera) = (Arch::new(), &*self);
+        let spots = images.par_chunks_exact_mut(pixels).zip(&totals).enumerate();
+        spots.filter(|(spot, _)| camera.is_lit(*spot)).for_each(|(_, (image, otf))| {
+            let mut scratch = camera.scratch();
+            arch.dispatch(Image { camera, otf, scratch: &mut scratch.focal_plane, image });
+        });
+        self.totals = totals;
+    }
+
+    /// Adds the transfer functions of the light from one height to those of the spots.
+    fn add_slice(
+        &mut self,
+        slice: Slice,
+        atmosphere: &Atmosphere,
+        time_s: f64,
+        totals: &mut [Lags],
+    ) {
+        let at_focus = slice.curvature_rad_per_m2 == 0.0;
+        if !at_focus {
+            let (high, footprint) = (&mut self.high_down, &mut self.footprint);
+            prepare_high(high, footprint, &self.pupil, slice.height_m, atmosphere, time_s);
+            let curvature = slice.curvature_rad_per_m2 as f32;
+            defocus(&mut self.defocused, &self.common, &self.squares_m2, curvature);
+            defocus(&mut self.defocused_back, &self.common_back, &self.squares_m2, curvature);
+        }
+        let camera = &*self;
+        let (common, back) = if at_focus {
+            (&camera.common, &camera.common_back)
+        } else {
+            (&camera.defocused, &camera.defocused_back)
+        };
+        let back = if camera.returned == 1.0 { common } else { back };
+        let cone_down = if at_focus { &camera.high } else { &camera.high_down };
         let arch = Arch::new();
         // With all turbulence at the ground every spot is seen through the same wavefront.
-        let shared = self.high.is_empty().then(|| {
-            let mut scratch = self.scratch[0].lock().unwrap_or_else(PoisonError::into_inner);
-            arch.dispatch(Down { camera: self, path: &self.path_back(&[]), scratch: &mut scratch });
+        let shared = cone_down.is_empty().then(|| {
+            let scratch = &mut *camera.scratch();
+            arch.dispatch(Down { camera, path: &camera.path(back, &[]), scratch });
             scratch.down.clone()
         });
-        let camera = &*self;
-        images.par_chunks_exact_mut(pixels).zip(camera.pupil.subapertures()).enumerate().for_each(
-            |(spot, (image, &subaperture))| {
-                if camera.lit.get(spot) == Some(&false) {
-                    return;
-                }
-                let thread = rayon::current_thread_index().unwrap_or(0);
-                let mut scratch =
-                    camera.scratch[thread].lock().unwrap_or_else(PoisonError::into_inner);
-                let scratch = &mut *scratch;
-                let high: Vec<_> = camera.high.iter().map(|high| high.seen(subaperture)).collect();
-                let path = camera.path(&high);
-                match &shared {
-                    Some(down) => scratch.down.clone_from(down),
-                    None => {
-                        let path = &camera.path_back(&high);
-                        arch.dispatch(Down { camera, path, scratch });
-                    }
-                }
-                arch.dispatch(Spot { camera, path: &path, subaperture, scratch, image });
-            },
-        );
+        let spots = totals.par_iter_mut().zip(camera.pupil.subapertures()).enumerate();
+        spots.filter(|(spot, _)| camera.is_lit(*spot)).for_each(|(_, (total, &subaperture))| {
+            let scratch = &mut *camera.scratch();
+            let up: Vec<_> = camera.high.iter().map(|high| high.seen(subaperture)).collect();
+            let down: Vec<_> = cone_down.iter().map(|high| high.seen(subaperture)).collect();
+            match &shared {
+                Some(down) => scratch.down.clone_from(down),
+                None => arch.dispatch(Down { camera, path: &camera.path(back, &down), scratch }),
+            }
+            let path = &camera.path(common, &up);
+            arch.dispatch(Spot { camera, path, subaperture, scratch, weight: slice.weight, total });
+        });
     }
 
-    fn path<'a>(&'a self, high: &'a [HighLayer<'a>]) -> PathPhase<'a> {
-        PathPhase { common: &self.common, mask: &self.mask, side: self.pupil.side(), high }
+    /// The buffers of this thread.
+    fn scratch(&self) -> MutexGuard<'_, Scratch> {
+        let thread = rayon::current_thread_index().unwrap_or(0);
+        self.scratch[thread].lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// [`SplashCamera::path`] on the way back.
-    fn path_back<'a>(&'a self, high: &'a [HighLayer<'a>]) -> PathPhase<'a> {
-        let whole = self.returned == 1.0;
-        let common = if whole { &self.common } else { &self.common_back };
-        PathPhase { common, ..self.path(high) }
+    fn path<'a>(&'a self, common: &'a [f32], high: &'a [HighLayer<'a>]) -> PathPhase<'a> {
+        PathPhase { common, mask: &self.mask, side: self.pupil.side(), high }
     }
 
     /// Phase that all spots share: layers at the ground, less the mirror.
@@ -217,44 +291,64 @@ impl SplashCamera {
         }
         to_lanes(ground, pupil.side(), &mut self.common);
     }
+}
 
-    /// Resamples every layer above the ground along y for each row of subapertures, and finds
-    /// the taps along x for each column: all spots of a row, or of a column, share them.
-    fn prepare_high(&mut self, atmosphere: &Atmosphere, time_s: f64) {
-        let pupil = &self.pupil;
-        let (across, side) = (pupil.across(), pupil.side());
-        let groups = side.div_ceil(LANES);
-        let flows = atmosphere.flows.iter().filter(|flow| flow.height_m != 0.0);
-        self.high.resize_with(flows.clone().count(), High::default);
-        for (flow, high) in flows.zip(&mut self.high) {
-            assert!(flow.height_m < self.beacon_height_m, "layer above the beacon");
-            let footprint = &mut self.footprint;
-            footprint.cut(flow, atmosphere, time_s);
-            let footprint = &*footprint;
-            let taps = |axis: usize, index: usize| {
-                let position_m = [pupil.centre_m(index); 2];
-                let path = Path::Beacon { height_m: self.beacon_height_m, position_m };
-                let (scale, shift) = path.through(flow.height_m);
-                footprint.taps(axis, (0..side).map(|k| scale * pupil.sample_m(k) + shift[axis]))
-            };
-            high.texels = footprint.side();
-            high.taps = (0..across).map(|ix| taps(0, ix)).collect();
-            let row_of_spots = groups * high.texels * LANES;
-            high.columns.resize(across * row_of_spots, 0.0);
-            high.columns.par_chunks_exact_mut(row_of_spots).enumerate().for_each(
-                |(iy, columns)| {
-                    let mut line = vec![0.0; high.texels];
-                    for (row, taps) in taps(1, iy).iter().enumerate() {
-                        footprint.between_rows(taps, &mut line);
-                        let group = &mut columns[row / LANES * high.texels * LANES..];
-                        for (lanes, value) in group.chunks_exact_mut(LANES).zip(&line) {
-                            lanes[row % LANES] = *value;
-                        }
-                    }
-                },
-            );
-        }
+/// Phases with the curvature of a slice's wavefront.
+fn defocus(to: &mut Vec<f32>, phases: &[f32], squares_m2: &[f32], rad_per_m2: f32) {
+    to.clear();
+    to.extend(phases.iter().zip(squares_m2).map(|(phase, square)| phase + rad_per_m2 * square));
+}
+
+/// Resamples every layer above the ground, in the cones that spots at `height_m` have, along y for each row
+/// of subapertures, and finds the taps along x for each column: all spots of a row, or of a column, share
+/// them.
+fn prepare_high(
+    high: &mut Vec<High>,
+    footprint: &mut Footprint,
+    pupil: &Pupil,
+    height_m: f64,
+    atmosphere: &Atmosphere,
+    time_s: f64,
+) {
+    let (across, side) = (pupil.across(), pupil.side());
+    let groups = side.div_ceil(LANES);
+    let flows = atmosphere.flows.iter().filter(|flow| flow.height_m != 0.0);
+    high.resize_with(flows.clone().count(), High::default);
+    for (flow, high) in flows.zip(high) {
+        assert!(flow.height_m < height_m, "layer above the beacon");
+        footprint.cut(flow, atmosphere, time_s);
+        let footprint = &*footprint;
+        let taps = |axis: usize, index: usize| {
+            let position_m = [pupil.centre_m(index); 2];
+            let path = Path::Beacon { height_m, position_m };
+            let (scale, shift) = path.through(flow.height_m);
+            footprint.taps(axis, (0..side).map(|k| scale * pupil.sample_m(k) + shift[axis]))
+        };
+        high.texels = footprint.side();
+        high.taps = (0..across).map(|ix| taps(0, ix)).collect();
+        let row_of_spots = groups * high.texels * LANES;
+        high.columns.resize(across * row_of_spots, 0.0);
+        high.columns.par_chunks_exact_mut(row_of_spots).enumerate().for_each(|(iy, columns)| {
+            let mut line = vec![0.0; high.texels];
+            for (row, taps) in taps(1, iy).iter().enumerate() {
+                footprint.between_rows(taps, &mut line);
+                let group = &mut columns[row / LANES * high.texels * LANES..];
+                for (lanes, value) in group.chunks_exact_mut(LANES).zip(&line) {
+                    lanes[row % LANES] = *value;
+                }
+            }
+        });
     }
+}
+
+/// Squares of the samples' distances from the axis, m^2, in lanes.
+fn squares_m2(pupil: &Pupil) -> Vec<f32> {
+    let side = pupil.side();
+    let square = |k: usize| pupil.sample_m(k / side).powi(2) + pupil.sample_m(k % side).powi(2);
+    let squares: Vec<f32> = (0..side * side).map(|k| square(k) as f32).collect();
+    let mut lanes = vec![0.0; side.div_ceil(LANES) * LANES * side];
+    to_lanes(&squares, side, &mut lanes);
+    lanes
 }
 
 impl High {
@@ -282,13 +376,15 @@ impl WithSimd for Down<'_> {
     }
 }
 
-/// The image of a spot, once its downward transfer function is known.
+/// The transfer function of a spot, once its downward one is known.
 struct Spot<'a> {
     camera: &'a SplashCamera,
     path: &'a PathPhase<'a>,
     subaperture: [usize; 2],
     scratch: &'a mut Scratch,
-    image: &'a mut [f32],
+    weight: f32,
+    /// It is added here, times the weight.
+    total: &'a mut Lags,
 }
 
 impl WithSimd for Spot<'_> {
@@ -296,17 +392,37 @@ impl WithSimd for Spot<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { camera, path, subaperture, scratch, image } = self;
-        let Scratch { block, focal_plane, up, down, .. } = scratch;
+        let Self { camera, path, subaperture, scratch, weight, total } = self;
+        let Scratch { block, up, down, .. } = scratch;
         camera.block_otf.lags(simd, path, subaperture, block, up);
         // Each transfer function is one at lag zero.
         let block_samples = camera.pupil.samples() * camera.pupil.samples();
         let norm = 1.0 / (block_samples * camera.pupil.illuminated_samples()) as f32;
-        let ups = up.re.iter_mut().zip(&mut up.im);
-        for ((up_re, up_im), (re, im)) in ups.zip(down.re.iter().zip(&down.im)) {
-            let total = (*up_re * re + *up_im * im, *up_im * re - *up_re * im);
-            (*up_re, *up_im) = (total.0 * norm, total.1 * norm);
+        let totals = total.re.iter_mut().zip(&mut total.im);
+        let ups = up.re.iter().zip(&up.im);
+        for (((total_re, total_im), (up_re, up_im)), (re, im)) in
+            totals.zip(ups).zip(down.re.iter().zip(&down.im))
+        {
+            let product = (*up_re * re + *up_im * im, *up_im * re - *up_re * im);
+            *total_re += weight * (product.0 * norm);
+            *total_im += weight * (product.1 * norm);
         }
-        camera.focal_plane.image(simd, up, focal_plane, image);
+    }
+}
+
+/// The image of a spot from its transfer function.
+struct Image<'a> {
+    camera: &'a SplashCamera,
+    otf: &'a Lags,
+    scratch: &'a mut FocalPlaneScratch,
+    image: &'a mut [f32],
+}
+
+impl WithSimd for Image<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.camera.focal_plane.image(simd, self.otf, self.scratch, self.image);
     }
 }

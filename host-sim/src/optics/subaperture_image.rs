@@ -4,14 +4,17 @@
 //! of that subaperture alone, |FT of exp(i phi) over subaperture i|^2, with phi the phase along the
 //! path less the mirror's: phi_h(x) for a star, phi_h(b x) for a beacon on the axis, b = 1 - h/H.
 //! The images are normalised and sampled as those of SPLASH's spots, so that the two differ in their
-//! physics only. Against a direct sum over the samples in double precision: 6e-7 of the peak.
+//! physics only. The light of a deep beacon comes in slices ([`slab`](super::slab)): seen through subaperture
+//! i, one out of focus is displaced by e x_i, e = 1/z - 1/H, and blurred by e d. Against a direct sum over the samples in double precision: 6e-7 of the peak.
 
 use super::OpticsError;
 use super::block_otf::{BlockOtf, BlockOtfScratch};
 use super::focal_plane::{FocalPlane, FocalPlaneScratch};
 use super::lane_fft::LANES;
+use super::launch::Launch;
 use super::otf::{Lags, PathPhase, to_lanes};
 use super::phase::{Path, PhaseSampler, check_geometry};
+use super::slab::{Slab, Slice};
 use crate::atmosphere::Atmosphere;
 use crate::pupil::{Mirror, Pupil};
 use pulp::{Arch, Simd, WithSimd};
@@ -21,6 +24,8 @@ use rayon::prelude::*;
 pub struct SubapertureCamera {
     pupil: Pupil,
     path: Path,
+    /// Of a beacon.
+    slab: Option<Slab>,
     window: usize,
     block_otf: BlockOtf,
     focal_plane: FocalPlane,
@@ -29,11 +34,12 @@ pub struct SubapertureCamera {
     phase: Vec<f32>,
     mirror: Vec<f32>,
     lanes: Vec<f32>,
+    /// The images' transfer functions, summed over the slices.
+    totals: Vec<Lags>,
 }
 
 struct Scratch {
     block: BlockOtfScratch,
-    focal_plane: FocalPlaneScratch,
     otf: Lags,
 }
 
@@ -58,14 +64,29 @@ impl SubapertureCamera {
             pupil: pupil.clone(),
             path: beacon_height_m
                 .map_or(Path::Star, |height_m| Path::Beacon { height_m, position_m: [0.0; 2] }),
+            slab: beacon_height_m.map(Slab::sheet),
             window,
-            block_otf: BlockOtf::new(samples),
+            block_otf: BlockOtf::new(samples, Launch::Uniform),
             focal_plane,
             sampler: PhaseSampler::default(),
             phase: vec![0.0; side * side],
             mirror: vec![0.0; side * side],
             lanes: vec![0.0; side.div_ceil(LANES) * LANES * side],
+            totals: vec![Lags::new(samples); pupil.subapertures().len()],
         })
+    }
+
+    /// The same camera with its beacon's light from this slab; a star has none.
+    ///
+    /// # Errors
+    /// As [`SplashCamera::with_slab`](super::splash_image::SplashCamera::with_slab).
+    pub fn with_slab(self, slab: Slab, atmosphere: &Atmosphere) -> Result<Self, OpticsError> {
+        if self.path == Path::Star {
+            return Ok(self);
+        }
+        check_geometry(&self.pupil, atmosphere, Some(slab.lowest_m()))?;
+        slab.check(self.pupil.diameter_m(), self.pupil.sample_pitch_m())?;
+        Ok(Self { slab: Some(slab), ..self })
     }
 
     /// W, pixels on the side of a window.
@@ -94,12 +115,51 @@ impl SubapertureCamera {
     ) {
         let pixels = self.window * self.window;
         assert_eq!(images.len(), self.spots() * pixels, "images");
-        self.sampler.sample(self.path, &self.pupil, atmosphere, time_s, &mut self.phase);
         mirror.phase(&self.pupil, &mut self.mirror);
+        let mut totals = std::mem::take(&mut self.totals);
+        for lags in &mut totals {
+            lags.re.fill(0.0);
+            lags.im.fill(0.0);
+        }
+        match self.slab.clone() {
+            None => self.add(Path::Star, 1.0, 0.0, (atmosphere, time_s), &mut totals),
+            Some(slab) => {
+                for Slice { height_m, weight, curvature_rad_per_m2 } in slab.slices {
+                    let path = Path::Beacon { height_m, position_m: [0.0; 2] };
+                    let sky = (atmosphere, time_s);
+                    self.add(path, weight, curvature_rad_per_m2, sky, &mut totals);
+                }
+            }
+        }
+        let (camera, arch) = (&*self, Arch::new());
+        images.par_chunks_exact_mut(pixels).zip(&totals).for_each_init(
+            || camera.focal_plane.scratch(),
+            |scratch, (image, otf)| arch.dispatch(Image { camera, otf, scratch, image }),
+        );
+        self.totals = totals;
+    }
+
+    /// Adds the transfer functions of the light of one path, with its weight and the curvature of its defocus.
+    fn add(
+        &mut self,
+        path: Path,
+        weight: f32,
+        curvature_rad_per_m2: f64,
+        (atmosphere, time_s): (&Atmosphere, f64),
+        totals: &mut [Lags],
+    ) {
+        self.sampler.sample(path, &self.pupil, atmosphere, time_s, &mut self.phase);
         for (phase, mirror) in self.phase.iter_mut().zip(&self.mirror) {
             *phase -= mirror;
         }
         let side = self.pupil.side();
+        if curvature_rad_per_m2 != 0.0 {
+            for (k, phase) in self.phase.iter_mut().enumerate() {
+                let square_m2 =
+                    self.pupil.sample_m(k / side).powi(2) + self.pupil.sample_m(k % side).powi(2);
+                *phase += (curvature_rad_per_m2 * square_m2) as f32;
+            }
+        }
         to_lanes(&self.phase, side, &mut self.lanes);
         let camera = &*self;
         // A subaperture in use is lit all over: nothing is masked.
@@ -107,25 +167,26 @@ impl SubapertureCamera {
         let arch = Arch::new();
         let scratch = || Scratch {
             block: camera.block_otf.scratch(),
-            focal_plane: camera.focal_plane.scratch(),
             otf: Lags::new(camera.pupil.samples()),
         };
-        images.par_chunks_exact_mut(pixels).zip(camera.pupil.subapertures()).for_each_init(
+        totals.par_iter_mut().zip(camera.pupil.subapertures()).for_each_init(
             scratch,
-            |scratch, (image, &subaperture)| {
-                arch.dispatch(Spot { camera, path: &path, subaperture, scratch, image });
+            |scratch, (total, &subaperture)| {
+                arch.dispatch(Spot { camera, path: &path, subaperture, scratch, weight, total });
             },
         );
     }
 }
 
-/// The image through one subaperture.
+/// The transfer function through one subaperture.
 struct Spot<'a> {
     camera: &'a SubapertureCamera,
     path: &'a PathPhase<'a>,
     subaperture: [usize; 2],
     scratch: &'a mut Scratch,
-    image: &'a mut [f32],
+    weight: f32,
+    /// It is added here, times the weight.
+    total: &'a mut Lags,
 }
 
 impl WithSimd for Spot<'_> {
@@ -133,16 +194,32 @@ impl WithSimd for Spot<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { camera, path, subaperture, scratch, image } = self;
-        let Scratch { block, focal_plane, otf } = scratch;
+        let Self { camera, path, subaperture, scratch, weight, total } = self;
+        let Scratch { block, otf } = scratch;
         camera.block_otf.lags(simd, path, subaperture, block, otf);
         // The transfer function is one at lag zero.
         let norm = 1.0 / (camera.pupil.samples() * camera.pupil.samples()) as f32;
-        for part in [&mut otf.re, &mut otf.im] {
-            for value in part {
-                *value *= norm;
+        for (total, part) in [(&mut total.re, &otf.re), (&mut total.im, &otf.im)] {
+            for (total, value) in total.iter_mut().zip(part) {
+                *total += weight * (value * norm);
             }
         }
-        camera.focal_plane.image(simd, otf, focal_plane, image);
+    }
+}
+
+/// The image through one subaperture from its transfer function.
+struct Image<'a> {
+    camera: &'a SubapertureCamera,
+    otf: &'a Lags,
+    scratch: &'a mut FocalPlaneScratch,
+    image: &'a mut [f32],
+}
+
+impl WithSimd for Image<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.camera.focal_plane.image(simd, self.otf, self.scratch, self.image);
     }
 }

@@ -53,7 +53,7 @@ impl Waves {
         let across = pupil.across() as f64;
         let (lowest, highest) = (0.5 / across, 0.5);
         let step = f64::ln(highest / lowest) / WAVES as f64;
-        let pitches_per_r0 = pupil.pitch_m() / instrument.atmosphere.r0_m;
+        let pitches_per_r0 = pupil.pitch_m() / instrument.r0_m();
         let (mut waves, mut places) = (Vec::new(), Vec::new());
         for w in 0..WAVES {
             let frequency = lowest * f64::exp((w as f64 + 0.5) * step);

@@ -6,6 +6,7 @@
 
 pub mod control;
 pub mod mirror;
+pub mod modal;
 pub mod pistons;
 pub mod pixels;
 

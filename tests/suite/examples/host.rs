@@ -1,9 +1,9 @@
 //! The suite on the host, as a board runs it: lines on the console, to be compared with
 //! `tests/golden/suite.txt`.
 
-use splash_suite::{BUFFER, CELLS, PIXELS, Workspace};
+use splash_suite::{BUFFER, MODES, PIXELS, WINDOWS, Workspace};
 
-static WORKSPACE: std::sync::Mutex<Workspace<CELLS, PIXELS, BUFFER>> =
+static WORKSPACE: std::sync::Mutex<Workspace<WINDOWS, PIXELS, BUFFER, MODES>> =
     std::sync::Mutex::new(Workspace::new());
 
 fn main() {

@@ -58,8 +58,8 @@ impl Hasher {
 }
 
 /// What a specification became: the image of the configuration.
-pub(crate) fn configuration<const M: usize, const P: usize, const B: usize>(
-    config: &Config<M, P, B>,
+pub(crate) fn configuration<const M: usize, const P: usize, const B: usize, const K: usize>(
+    config: &Config<M, P, B, K>,
 ) -> Digest {
     let mut hasher = Hasher::default();
     config.save(&mut |bytes| hasher.bytes(bytes));

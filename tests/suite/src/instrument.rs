@@ -8,8 +8,8 @@ use splash_firmware::mirror::Serials;
 use splash_firmware::pixels::Convention;
 use splash_firmware::slopes::MeanSlope;
 use splash_firmware::spec::{
-    ActuatorSpec, ControlSpec, DetectorSpec, Estimator, Map, PixelSpec, SafetySpec, ScheduleSpec,
-    SegmentSpec, SlopeSpec, SorSpec, Spec, WindowSpec, triangle,
+    ActuatorSpec, ControlSpec, DetectorSpec, Estimator, Map, ModalSpec, PixelSpec, SafetySpec,
+    ScheduleSpec, SegmentSpec, SlopeSpec, SorSpec, Spec, WindowSpec, triangle,
 };
 
 use crate::maps::Maps;
@@ -30,6 +30,15 @@ pub(crate) enum Pupil {
     Square,
     /// Those in the annulus with an obstruction of 0.3, cut in four by a spider.
     Spider,
+}
+
+/// A second gate. Its windows are like the first's.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Second {
+    /// M.
+    pub(crate) modes: usize,
+    /// Whether its windows are beside the first's, or below them.
+    pub(crate) beside: bool,
 }
 
 /// An instrument. What is not a number of its own is the same in all of them.
@@ -58,6 +67,7 @@ pub(crate) struct Instrument {
     pub(crate) control_gain: f64,
     pub(crate) lever_arm: f64,
     pub(crate) delay_frames: u8,
+    pub(crate) second: Option<Second>,
     pub(crate) sor: SorSpec,
     /// Lowest and highest height, and motion in a frame, as parts of the stroke.
     pub(crate) limits: [f64; 2],
@@ -89,6 +99,7 @@ pub(crate) const DEFAULT: Instrument = Instrument {
     control_gain: 0.5,
     lever_arm: 1.125,
     delay_frames: 0,
+    second: None,
     sor: SorSpec { omega: Some(1.5), sweeps: Some(4), cold_sweeps: None },
     limits: [0.0, 1.0],
     slew: None,
@@ -119,8 +130,24 @@ impl Pupil {
 impl Instrument {
     /// Columns and rows of the detector.
     pub(crate) fn detector(&self) -> [u16; 2] {
+        let [x, y] = self.gate();
+        match self.second {
+            None => [x, y],
+            Some(Second { beside: true, .. }) => [2 * x, y],
+            Some(Second { beside: false, .. }) => [x, 2 * y],
+        }
+    }
+
+    /// Columns and rows that one gate takes of it.
+    fn gate(&self) -> [u16; 2] {
         let pitch = u16::from(self.window) + self.gap;
         self.pupil.extent(self.across).map(|cells| self.gap + cells * pitch)
+    }
+
+    /// First column and row of the window of that cell in the second gate, if there is one.
+    fn second_origin(&self, x: usize, y: usize) -> Option<[u16; 2]> {
+        let ([x, y], [width, height]) = (self.origin(x, y), self.gate());
+        Some(if self.second?.beside { [x + width, y] } else { [x, y + height] })
     }
 
     /// First column and row of the window of the cell at column `x`, row `y`.
@@ -136,17 +163,34 @@ impl Instrument {
         let [width, height] = self.detector();
         let gain = self.quarter_waves * QUARTER_WAVE_M;
         let dark = f64::from(self.dark_adu);
-        maps.place(mask.cells().map(|(x, y)| self.origin(x, y)));
+        let second = mask.cells().filter_map(|(x, y)| self.second_origin(x, y));
+        maps.place(mask.cells().map(|(x, y)| self.origin(x, y)), second);
+        if let Some(Second { modes, .. }) = self.second {
+            maps.draw_modes(modes);
+        }
         if self.calibrated {
             maps.draw(dark, gain, STROKE_M);
         }
         let maps = &*maps;
+        let [origins, second_origins] = maps.gates();
+        let modal = self.second.map(|Second { modes, .. }| {
+            let (modes, coupling) = maps.modes(modes);
+            ModalSpec {
+                origins: second_origins,
+                reference_px: Map::Uniform([0.25, -0.125]),
+                gain_m_per_px: Map::Uniform([[gain * 1.25, 0.0], [0.0, gain * 1.25]]),
+                flux_min_adu: Map::Uniform(self.flux_adu[0]),
+                flux_max_adu: Map::Uniform(self.flux_adu[1]),
+                modes,
+                coupling,
+            }
+        });
         let length = |part: f64| part * STROKE_M;
         let [lowest, highest] = self.limits.map(length);
         let uniform = Spec {
             mask,
             detector: DetectorSpec { width, height, bits: self.bits },
-            windows: WindowSpec { size: self.window, origins: maps.origins() },
+            windows: WindowSpec { size: self.window, origins },
             pixels: PixelSpec {
                 dark_adu: Map::Uniform(dark),
                 gain: Map::Uniform(1.0),
@@ -170,6 +214,7 @@ impl Instrument {
                 delay_frames: self.delay_frames,
                 global_tilt_max_age: 2,
             },
+            modal,
             sor: self.sor,
             segments: SegmentSpec {
                 stroke_m: STROKE_M,

@@ -29,12 +29,15 @@ use splash_firmware::pipeline::Pipeline;
 
 pub use digest::Digest;
 
-/// Cells of the largest pupil.
-pub const CELLS: usize = 16 * 16;
+/// Windows of the largest pupil with two gates; its cells are fewer.
+pub const WINDOWS: usize = 2 * 208;
 /// Window pixels of the largest detector.
 pub const PIXELS: usize = 208 * 8 * 8;
 /// Pixels that brightest-n has to buffer.
 pub const BUFFER: usize = 8 * 8 * 8;
+
+/// Modes of a second gate.
+pub const MODES: usize = 25;
 
 /// One result: of a case and a stage. Displayed as one line of the golden file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,24 +61,26 @@ impl fmt::Display for Line {
 /// All the memory that the suite needs beside a stack: one bank, one pipeline, one solver. Too large
 /// for the stack of a board: make it a `static`.
 ///
-/// Capacities as in [`Config`], at least [`CELLS`], [`PIXELS`] and [`BUFFER`]. The digests do not
+/// Capacities as in [`Config`], at least [`WINDOWS`], [`PIXELS`], [`BUFFER`] and [`MODES`]. The digests do not
 /// depend on them.
 #[derive(Debug)]
-pub struct Workspace<const M: usize, const P: usize, const B: usize> {
-    config: Config<M, P, B>,
-    pipeline: Pipeline<M, B>,
+pub struct Workspace<const M: usize, const P: usize, const B: usize, const K: usize> {
+    config: Config<M, P, B, K>,
+    pipeline: Pipeline<M, B, K>,
     solver: solver::Solver<M>,
     maps: maps::Maps,
     source: play::Source,
 }
 
-impl<const M: usize, const P: usize, const B: usize> Default for Workspace<M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Default
+    for Workspace<M, P, B, K>
+{
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl<const M: usize, const P: usize, const B: usize> Workspace<M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Workspace<M, P, B, K> {
     /// A workspace that has run nothing.
     #[must_use]
     pub const fn new() -> Self {

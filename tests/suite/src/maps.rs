@@ -6,14 +6,15 @@
 use splash_firmware::segments::ACTUATORS;
 use splash_firmware::spec::{Map, Spec, triangle};
 
+use crate::MODES;
 use crate::generator::Generator;
 
 /// Detector pixels that can have a calibration of their own.
 pub(crate) const PIXELS: usize = 512;
 /// Subapertures that can have a calibration of their own.
 pub(crate) const SUBAPERTURES: usize = 16;
-/// Subapertures that can be placed.
-pub(crate) const PLACES: usize = 256;
+/// Windows that can be placed.
+pub(crate) const PLACES: usize = 2 * 208;
 
 /// The calibration of one subaperture; lengths in m.
 #[derive(Debug)]
@@ -31,8 +32,13 @@ struct Subapertures {
 /// The lists of one instrument.
 #[derive(Debug)]
 pub(crate) struct Maps {
+    /// Those of the first gate, then those of the second.
     origins: [[u16; 2]; PLACES],
     count: usize,
+    /// Of those, of the second.
+    second: usize,
+    modes: [[f64; 2]; MODES * PLACES / 2],
+    coupling: [f64; 2 * MODES * MODES],
     dark_adu: [f64; PIXELS],
     gain: [f64; PIXELS],
     noise_adu: [f64; PIXELS],
@@ -47,6 +53,9 @@ impl Maps {
         Self {
             origins: [[0; 2]; PLACES],
             count: 0,
+            second: 0,
+            modes: [[0.0; 2]; MODES * PLACES / 2],
+            coupling: [0.0; 2 * MODES * MODES],
             dark_adu: [0.0; PIXELS],
             gain: [0.0; PIXELS],
             noise_adu: [0.0; PIXELS],
@@ -63,18 +72,63 @@ impl Maps {
         }
     }
 
-    /// Sets where the windows are.
-    pub(crate) fn place(&mut self, origins: impl Iterator<Item = [u16; 2]>) {
-        self.count = 0;
-        for (place, origin) in self.origins.iter_mut().zip(origins) {
+    /// Sets where the windows are: those of the first gate, then as many of the second or none.
+    pub(crate) fn place(
+        &mut self,
+        first: impl Iterator<Item = [u16; 2]>,
+        second: impl Iterator<Item = [u16; 2]>,
+    ) {
+        (self.count, self.second) = (0, 0);
+        let places = &mut self.origins.iter_mut();
+        for (origin, place) in first.zip(&mut *places) {
             *place = origin;
             self.count += 1;
         }
+        for (origin, place) in second.zip(places) {
+            *place = origin;
+            self.second += 1;
+        }
     }
 
-    /// Column and row of the first pixel of each window, in mask order.
+    /// Column and row of the first pixel of each window: of the first gate in mask order, then of the
+    /// second.
     pub(crate) fn origins(&self) -> &[[u16; 2]] {
-        self.origins.get(..self.count).unwrap_or_default()
+        self.origins.get(..self.count + self.second).unwrap_or_default()
+    }
+
+    /// Those of the first gate, and those of the second.
+    pub(crate) fn gates(&self) -> [&[[u16; 2]]; 2] {
+        self.origins().split_at_checked(self.count).unwrap_or_default().into()
+    }
+
+    /// Makes `modes` modes and what they take of each other.
+    ///
+    /// Mode k is a cosine of k half waves over the subapertures in their order, 3/5 of it along x and 4/5
+    /// along y: orthonormal, without a mean.
+    pub(crate) fn draw_modes(&mut self, modes: usize) {
+        let count = self.count.max(1) as f64;
+        let norm = libm::sqrt(2.0 / count);
+        for (k, mode) in (1..=modes).zip(self.modes.chunks_exact_mut(self.count.max(1))) {
+            let angle = core::f64::consts::PI * k as f64 / count;
+            // cos(a + b) = 2 cos(b) cos(a) - cos(a - b).
+            let step = 2.0 * libm::cos(angle);
+            let mut last = libm::cos(angle / 2.0);
+            let mut value = last;
+            for q in mode {
+                *q = [0.6 * norm * value, 0.8 * norm * value];
+                (last, value) = (value, step * value - last);
+            }
+        }
+        let numbers = &mut Generator::new(0xb1a5);
+        for entry in self.coupling.iter_mut().take(2 * modes * modes) {
+            *entry = f64::from(numbers.between(-1024, 1024)) / 4096.0;
+        }
+    }
+
+    /// The modes that were made, mode by mode, and what they take of each other.
+    pub(crate) fn modes(&self, modes: usize) -> (&[[f64; 2]], &[f64]) {
+        let gradients = self.modes.get(..modes * self.count).unwrap_or_default();
+        (gradients, self.coupling.get(..2 * modes * modes).unwrap_or_default())
     }
 
     /// Makes a calibration for each pixel, around `dark_adu`, and for each subaperture, around the

@@ -76,12 +76,12 @@ impl Source {
 }
 
 /// Runs a case from the flat mirror.
-pub(crate) fn play<const M: usize, const P: usize, const B: usize>(
+pub(crate) fn play<const M: usize, const P: usize, const B: usize, const K: usize>(
     case: &Case,
     instrument: &Instrument,
     maps: &Maps,
-    config: &Config<M, P, B>,
-    pipeline: &mut Pipeline<M, B>,
+    config: &Config<M, P, B, K>,
+    pipeline: &mut Pipeline<M, B, K>,
     source: &mut Source,
 ) -> Stages {
     let numbers = &mut Generator::new(seed(instrument.name, case.name));
@@ -118,16 +118,16 @@ fn seed(instrument: &str, case: &str) -> u32 {
 }
 
 /// One frame on its way in.
-struct Frame<'a, const M: usize, const P: usize, const B: usize> {
+struct Frame<'a, const M: usize, const P: usize, const B: usize, const K: usize> {
     instrument: &'a Instrument,
     maps: &'a Maps,
-    config: &'a Config<M, P, B>,
-    pipeline: &'a mut Pipeline<M, B>,
+    config: &'a Config<M, P, B, K>,
+    pipeline: &'a mut Pipeline<M, B, K>,
     stages: &'a mut Stages,
     event: Event,
 }
 
-impl<const M: usize, const P: usize, const B: usize> Frame<'_, M, P, B> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Frame<'_, M, P, B, K> {
     fn rows(&mut self, light: Light, k: u32, scene: &mut Scene, numbers: &mut Generator) {
         let light = if self.event == Event::Dark { Light::Level(0) } else { light };
         let height = self.config.height();
@@ -136,7 +136,7 @@ impl<const M: usize, const P: usize, const B: usize> Frame<'_, M, P, B> {
             Event::Extra => height + 2,
             _ => height,
         };
-        scene.begin(self.instrument, light, (k, self.config.subapertures()), numbers);
+        scene.begin(self.instrument, light, (k, self.config.windows()), numbers);
         if self.event == Event::Restart {
             for y in 0..3 {
                 let row = scene.row(self.instrument, self.maps.origins(), light, y, numbers);
@@ -159,7 +159,7 @@ impl<const M: usize, const P: usize, const B: usize> Frame<'_, M, P, B> {
         measurements: &mut [Measurement],
         numbers: &mut Generator,
     ) {
-        let count = self.config.subapertures() - usize::from(self.event == Event::Wrong);
+        let count = self.config.windows() - usize::from(self.event == Event::Wrong);
         let list = measurements.get_mut(..count).unwrap_or_default();
         for (i, measurement) in (0u32..).zip(&mut *list) {
             *measurement = match input {

@@ -24,9 +24,9 @@ impl<const M: usize> Solver<M> {
 
     /// Pistons and residuals of tips and tilts up to `limit` ulp, and at their edges: three times,
     /// starting from what was there.
-    pub(crate) fn relax<const P: usize, const B: usize>(
+    pub(crate) fn relax<const P: usize, const B: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         limit: i32,
     ) -> [(&'static str, Digest); 2] {
         let numbers = &mut Generator::new(limit.unsigned_abs());
@@ -44,9 +44,9 @@ impl<const M: usize> Solver<M> {
         [("pistons", pistons.finish()), ("residuals", residuals.finish())]
     }
 
-    fn load<const P: usize, const B: usize>(
+    fn load<const P: usize, const B: usize, const K: usize>(
         &mut self,
-        config: &Config<M, P, B>,
+        config: &Config<M, P, B, K>,
         limit: i32,
         numbers: &mut Generator,
     ) {

@@ -41,19 +41,20 @@ pub(crate) struct Stages([Hasher; ALL.len()]);
 
 impl Stages {
     /// Adds all that can be read after a frame.
-    pub(crate) fn frame<const M: usize, const B: usize>(
+    pub(crate) fn frame<const M: usize, const B: usize, const K: usize>(
         &mut self,
-        pipeline: &Pipeline<M, B>,
+        pipeline: &Pipeline<M, B, K>,
         report: &Report,
     ) {
         let [measurements, slopes, commands, positions, codes, reports] = &mut self.0;
-        for measurement in pipeline.measurements() {
+        let second = pipeline.second_measurements();
+        for measurement in pipeline.measurements().iter().chain(second) {
             measurement.centroid_q16.into_iter().for_each(|c| measurements.i32(c));
             measurements.u32(measurement.flux);
             measurements.u16(measurement.peak);
             measurements.u16(measurement.saturated);
         }
-        for slope in pipeline.slopes() {
+        for slope in pipeline.slopes().iter().chain(pipeline.second_slopes()) {
             slope.tilt_ulp.into_iter().for_each(|tilt| slopes.i32(tilt));
             slopes.u16(slope.valid.into());
         }

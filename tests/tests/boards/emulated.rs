@@ -14,7 +14,7 @@ use host_sim::reconstructor::Reconstructor;
 use host_sim::summary::CodeDigest;
 use splash_firmware::pipeline::Totals;
 use splash_firmware::spec::{Estimator, Spec};
-use splash_suite::{BUFFER, CELLS, PIXELS, Workspace};
+use splash_suite::{BUFFER, MODES, PIXELS, WINDOWS, Workspace};
 use splash_tests::instrument::Instrument;
 use splash_tests::with_big_stack;
 use std::ffi::OsString;
@@ -109,7 +109,7 @@ fn gives_the_same_bits(command: &[OsString]) {
     let found = printed(command);
     let mut expected = String::new();
     with_big_stack(|| {
-        let mut workspace = Box::new(Workspace::<CELLS, PIXELS, BUFFER>::new());
+        let mut workspace = Box::new(Workspace::<WINDOWS, PIXELS, BUFFER, MODES>::new());
         workspace.run(&mut |line| expected += &format!("{line}\n")).expect("the suite");
     });
     let pairs = found.lines().zip(expected.lines());

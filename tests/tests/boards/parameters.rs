@@ -8,7 +8,7 @@ use splash_firmware::calibration::Uncalibrated;
 use splash_firmware::config::Config;
 use splash_firmware::link::{PIECE, Reason, Request, Response};
 use splash_firmware::pipeline::{Outcome, Pipeline};
-use splash_firmware::telemetry::{Decimation, Record};
+use splash_firmware::telemetry::{Decimation, Record, STREAMS};
 use splash_tests::instrument::{Instrument, Values};
 
 fn hash(image: &[u8]) -> u32 {
@@ -203,7 +203,7 @@ fn telemetry_comes_unasked_behind_the_answers() {
     assert_eq!(told, [1, 2, 3].map(|frame| (frame, hash(&first))));
     // 52 slopes in pieces of 16, of frame 2 only.
     assert_eq!(records.len(), 3 + 4);
-    assert_eq!(responses.last(), Some(&Response::Streams { decimation, dropped: [0; 5] }));
+    assert_eq!(responses.last(), Some(&Response::Streams { decimation, dropped: [0; STREAMS] }));
 }
 
 #[test]

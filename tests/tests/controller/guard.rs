@@ -1,6 +1,7 @@
 //! The mirror's guard: what no mode gets past.
 
 use super::*;
+use splash_firmware::mirror::OtherHardware;
 use splash_firmware::pipeline::Hold;
 use splash_firmware::segments::Position;
 
@@ -197,6 +198,40 @@ fn a_configuration_for_another_mirror_is_refused_and_changes_nothing() {
         let mut controller = Box::new(Small::new(known, TIMES, HZ));
         assert_eq!(controller.exchange(&nothing, &config(mirror, detector), true), Ok(()));
     }
+}
+
+/// What the board cannot read is stated, where nothing can come of it; what runs for other hardware stays
+/// safe.
+#[test]
+fn hardware_is_stated_in_safe_without_high_voltage() {
+    let mut made_for = instrument();
+    made_for.serials = Serials { mirror: 17, detector: 4 };
+    let mut rig = Rig::closed(&made_for);
+    let other = Serials { mirror: 18, detector: 4 };
+    let refused = rig.ask(Command::Hardware(other));
+    assert_eq!(refused, Err(Refusal::WrongMode { mode: Mode::ClosedLoop }));
+    rig.ask(Command::Enter(Mode::Safe)).expect("always");
+    assert_eq!(rig.ask(Command::Hardware(other)), Err(Refusal::HighVoltage));
+    assert_eq!(rig.controller.serials(), Serials::default());
+    rig.ask(Command::Disarm).expect("always");
+    while rig.controller.outputs().high_voltage {
+        rig.missing();
+        rig.look(READY);
+    }
+    assert_eq!(rig.ask(Command::Hardware(other)), Ok(()));
+    assert_eq!(rig.controller.serials(), other);
+    let unfit = OtherHardware { made_for: made_for.serials, found: other };
+    for command in [Command::Arm, Command::Enter(Mode::Standby)] {
+        let refusals = rig.controller.modes().refused();
+        assert_eq!(rig.ask(command), Err(Refusal::OtherHardware(unfit)));
+        assert_eq!(rig.controller.modes().refused(), refusals + 1);
+    }
+    assert_eq!(
+        rig.ask(Command::Enter(Mode::Safe)),
+        Err(Refusal::NoWay { from: Mode::Safe, to: Mode::Safe })
+    );
+    rig.ask(Command::Hardware(made_for.serials)).expect("safe");
+    rig.close();
 }
 
 /// Another mask means another order of the actuators: only for a mirror that is safe and flat.

@@ -3,6 +3,7 @@
 
 use crate::rig::{Bank, bank, bank_of, instrument};
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
+use splash_firmware::mirror::Serials;
 use splash_firmware::store::{Store, StoreError};
 use splash_tests::instrument::Values;
 use stm32h743_logic::flash::{Flash, FlashError, Registers, SECTOR, SECTORS, WORD};
@@ -130,17 +131,17 @@ fn a_power_cut_at_any_step_leaves_the_old_or_the_new_configuration() {
     other.control_gain = Values::Uniform(0.25);
     let new = bank_of(&other);
     let mut before = Cells::new();
-    Store::new(Flash::new(&mut before)).store(old).expect("stored");
+    Store::new(Flash::new(&mut before)).store(old, Serials::default()).expect("stored");
     let mut after = before.clone();
     after.power = 1_000_000;
-    Store::new(Flash::new(&mut after)).store(new).expect("stored");
+    Store::new(Flash::new(&mut after)).store(new, Serials::default()).expect("stored");
     let steps = 1_000_000 - after.power;
     assert!(steps > 100, "an erase, and a word each: {steps}");
     let cuts = (0..=steps + 1).filter(|cut| *cut < 5 || cut % 31 == 0 || *cut + 5 > steps);
     let mut kept = [0; 2];
     for cut in cuts {
         let mut cells = Cells { power: cut, ..before.clone() };
-        let stored = Store::new(Flash::new(&mut cells)).store(new);
+        let stored = Store::new(Flash::new(&mut cells)).store(new, Serials::default());
         assert_eq!(stored.is_err(), cut <= steps, "{cut}");
         cells.power = usize::MAX;
         let mut config = Box::new(Bank::new());

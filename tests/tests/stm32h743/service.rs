@@ -13,7 +13,7 @@ use splash_firmware::link::{
 };
 use splash_firmware::mode::{Mode, Refusal};
 use splash_firmware::pipeline::{GlobalTilt, Hold, Outcome, RowError};
-use splash_firmware::telemetry::{Decimation, Record};
+use splash_firmware::telemetry::{Decimation, Record, STREAMS};
 use splash_server::Link;
 use stm32h743_logic::flash::Flash;
 use stm32h743_logic::service::{Board, Service};
@@ -383,7 +383,7 @@ fn telemetry_that_was_subscribed_to_comes_unasked() {
     // 240 bytes: 26.04 frames of a millisecond.
     let [Response::Streams { decimation: usual, .. }] = &usual[..] else { panic!("{usual:?}") };
     assert_eq!(usual.frames, 27);
-    assert_eq!(wanted[..], [Response::Streams { decimation, dropped: [0; 5] }]);
+    assert_eq!(wanted[..], [Response::Streams { decimation, dropped: [0; STREAMS] }]);
     assert!(telemetry.len() > 5, "{}", telemetry.len());
     assert!(telemetry.iter().all(|r| matches!(r, Response::Telemetry(Record::Frame(_)))));
 }

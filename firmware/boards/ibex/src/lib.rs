@@ -12,7 +12,7 @@ pub use ports::{Closed, Ports, mark};
 pub use start::Once;
 
 /// Data memory of the simulator, bytes, as in `server.x`.
-pub const DMEM_BYTES: usize = 512 << 10;
+pub const DMEM_BYTES: usize = 1 << 20;
 
 /// What of it is kept for the stack, bytes, as in `sections.x`: the suite, which takes most, was
 /// painted to 17.5 KiB, the server to 20.8 KiB.

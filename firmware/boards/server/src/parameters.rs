@@ -6,12 +6,13 @@ use splash_firmware::banks::{BankError, Banks, Draft};
 use splash_firmware::config::Config;
 use splash_firmware::image::ImageError;
 use splash_firmware::link::{PIECE, Reason, Request, Response};
+use splash_firmware::mirror::Serials;
 use splash_firmware::store::Store;
 
 /// Does to the other bank what is asked, and returns the answer; `None` for a request about something
 /// else.
-pub fn draft<const M: usize, const P: usize, const B: usize>(
-    draft: &mut Draft<'_, M, P, B>,
+pub fn draft<const M: usize, const P: usize, const B: usize, const K: usize>(
+    draft: &mut Draft<'_, M, P, B, K>,
     request: &Request,
 ) -> Option<Response> {
     let done = match request {
@@ -36,8 +37,8 @@ pub fn draft<const M: usize, const P: usize, const B: usize>(
 ///
 /// # Errors
 /// A [`BankError`]; the bank is then empty.
-pub fn load<T: Link, const M: usize, const P: usize, const B: usize>(
-    draft: &mut Draft<'_, M, P, B>,
+pub fn load<T: Link, const M: usize, const P: usize, const B: usize, const K: usize>(
+    draft: &mut Draft<'_, M, P, B, K>,
     pieces: &mut Pieces<'_, T>,
     length: u32,
 ) -> Result<(), BankError> {
@@ -57,8 +58,8 @@ pub fn load<T: Link, const M: usize, const P: usize, const B: usize>(
 }
 
 /// Tells of the running configuration what is asked; `None` for a request about something else.
-pub fn running<const M: usize, const P: usize, const B: usize>(
-    config: &Config<M, P, B>,
+pub fn running<const M: usize, const P: usize, const B: usize, const K: usize>(
+    config: &Config<M, P, B, K>,
     request: &Request,
 ) -> Option<Response> {
     Some(match request {
@@ -78,8 +79,8 @@ pub fn running<const M: usize, const P: usize, const B: usize>(
 ///
 /// # Errors
 /// [`Reason::Place`] with the one that it lacks.
-pub fn find_pixel<const M: usize, const P: usize, const B: usize>(
-    config: &Config<M, P, B>,
+pub fn find_pixel<const M: usize, const P: usize, const B: usize, const K: usize>(
+    config: &Config<M, P, B, K>,
     row: u16,
     column: u16,
 ) -> Result<(), Reason> {
@@ -105,8 +106,8 @@ pub fn raw_pixels(pixels: &[u16]) -> heapless::Vec<u8, PIECE> {
 ///
 /// # Errors
 /// If the link has ended.
-pub fn read_back<T: Link, const M: usize, const P: usize, const B: usize>(
-    config: &Config<M, P, B>,
+pub fn read_back<T: Link, const M: usize, const P: usize, const B: usize, const K: usize>(
+    config: &Config<M, P, B, K>,
     out: &mut Outbox<'_, T>,
     offset: u32,
     bytes: u32,
@@ -140,11 +141,11 @@ pub fn read_back<T: Link, const M: usize, const P: usize, const B: usize>(
 
 /// Stores, or loads what is stored into the other bank; `None` for a request about something else.
 /// `may_store`: the mode allows it.
-pub fn stored<F: NorFlash, const M: usize, const P: usize, const B: usize>(
+pub fn stored<F: NorFlash, const M: usize, const P: usize, const B: usize, const K: usize>(
     flash: Option<F>,
-    banks: &mut Banks<'_, M, P, B>,
+    banks: &mut Banks<'_, M, P, B, K>,
     request: &Request,
-    may_store: Result<(), Reason>,
+    serials: Result<Serials, Reason>,
 ) -> Option<Response> {
     if !matches!(request, Request::Store | Request::Stored | Request::Restore) {
         return None;
@@ -152,8 +153,8 @@ pub fn stored<F: NorFlash, const M: usize, const P: usize, const B: usize>(
     let Some(flash) = flash else { return Some(Response::Refused(Reason::Unsupported)) };
     let mut store = Store::new(flash);
     let answer = match request {
-        Request::Store => may_store.and_then(|()| {
-            let stored = store.store(banks.running())?;
+        Request::Store => serials.and_then(|serials| {
+            let stored = store.store(banks.running(), serials)?;
             Ok(Response::Stored(Some(stored)))
         }),
         Request::Stored => store.newest_stored().map(Response::Stored).map_err(Reason::from),

@@ -27,7 +27,7 @@ const TIMES: Times = Times { settle_ticks: 0, fall_ticks: 0 };
 
 /// The controller of an emulated board.
 #[must_use]
-pub const fn controller<const M: usize, const B: usize>() -> Controller<M, B> {
+pub const fn controller<const M: usize, const B: usize, const K: usize>() -> Controller<M, B, K> {
     Controller::new(Serials { mirror: 0, detector: 0 }, TIMES, TICKS_PER_SECOND)
 }
 
@@ -35,16 +35,23 @@ pub const fn controller<const M: usize, const B: usize>() -> Controller<M, B> {
 ///
 /// `board` is the board's name, at most 16 bytes. Configurations come over the link; before the first,
 /// every frame is held. Frames go through the frame path by itself, as on a bench, until the first
-/// [`Request::Command`]; from it to the next [`Request::Reset`] or [`Request::Load`] they go through the
-/// controller. In a frame there are marks before and after `begin`, before and after each
-/// `push_rows` (the wait for the rows is outside), before `finish`, after each of its stages and
-/// after its end; two in a row at the start tell what a mark itself costs. Telemetry is sent behind
-/// the answers to a request.
-pub fn serve<T: Port, const M: usize, const P: usize, const B: usize, const R: usize>(
+/// [`Request::Command`] that is not about hardware; from it to the next [`Request::Reset`] or
+/// [`Request::Load`] they go through the controller. In a frame there are marks before and after `begin`,
+/// before and after each `push_rows` (the wait for the rows is outside), before `finish`, after each of
+/// its stages and after its end; two in a row at the start tell what a mark itself costs. Telemetry is
+/// sent behind the answers to a request.
+pub fn serve<
+    T: Port,
+    const M: usize,
+    const P: usize,
+    const B: usize,
+    const K: usize,
+    const R: usize,
+>(
     port: &mut T,
     board: &str,
-    banks: Banks<'_, M, P, B>,
-    controller: &mut Controller<M, B>,
+    banks: Banks<'_, M, P, B, K>,
+    controller: &mut Controller<M, B, K>,
     telemetry: &mut Ring<R>,
 ) -> T::Error {
     mark_twice::<T>();
@@ -80,7 +87,9 @@ pub fn serve<T: Port, const M: usize, const P: usize, const B: usize, const R: u
 
 /// What a board of that name, at most 16 bytes, and these capacities says of itself.
 #[must_use]
-pub fn identity<const M: usize, const P: usize, const B: usize>(board: &str) -> Identity {
+pub fn identity<const M: usize, const P: usize, const B: usize, const K: usize>(
+    board: &str,
+) -> Identity {
     Identity {
         board: board.try_into().unwrap_or_default(),
         version: identity::VERSION.try_into().unwrap_or_default(),
@@ -124,10 +133,10 @@ impl<T: Port> Probe for Marks<T> {
     }
 }
 
-struct Server<'a, const M: usize, const P: usize, const B: usize, const R: usize> {
+struct Server<'a, const M: usize, const P: usize, const B: usize, const K: usize, const R: usize> {
     board: &'a str,
-    banks: Banks<'a, M, P, B>,
-    controller: &'a mut Controller<M, B>,
+    banks: Banks<'a, M, P, B, K>,
+    controller: &'a mut Controller<M, B, K>,
     telemetry: &'a mut Ring<R>,
     /// Of the measured frame to come.
     measurements: heapless::Vec<Measurement, M>,
@@ -161,7 +170,9 @@ impl Wanted {
     }
 }
 
-impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, M, P, B, R> {
+impl<const M: usize, const P: usize, const B: usize, const K: usize, const R: usize>
+    Server<'_, M, P, B, K, R>
+{
     /// Answers a request, and returns the one that interrupted it.
     fn answer<T: Port>(
         &mut self,
@@ -171,7 +182,9 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
     ) -> crate::Left<T::Error> {
         let mut out = Outbox { port, sequence: request.sequence };
         match request.body {
-            Request::Identify => out.send(Response::Identity(identity::<M, P, B>(self.board)))?,
+            Request::Identify => {
+                out.send(Response::Identity(identity::<M, P, B, K>(self.board)))?
+            }
             Request::Load { bytes } => {
                 let mut pieces = Pieces::new(out.port, receiver, bytes);
                 let loaded = self.load(&mut pieces, bytes);
@@ -253,8 +266,8 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
                 let answer = parameters::draft(&mut self.banks.draft, &other)
                     .or_else(|| parameters::running(self.banks.running(), &other))
                     .or_else(|| {
-                        let may_store = self.may_store();
-                        parameters::stored(out.port.flash(), &mut self.banks, &other, may_store)
+                        let serials = self.may_store().map(|()| self.controller.serials());
+                        parameters::stored(out.port.flash(), &mut self.banks, &other, serials)
                     });
                 out.send(answer.unwrap_or(Response::Refused(Reason::Unsupported)))?;
             }
@@ -266,7 +279,8 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
     fn command(&mut self, command: Command) -> Result<(), Refusal> {
         let config = self.banks.running();
         let calibrated = config.calibration().is_ok();
-        if !self.controlled {
+        // What hardware there is can be said while what runs does not fit it.
+        if !self.controlled && !matches!(command, Command::Hardware(_)) {
             self.controller.exchange(config, config, calibrated)?;
             self.controlled = true;
         }
@@ -322,6 +336,7 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
 
     /// Sends the telemetry that there is.
     fn tell<T: Port>(&mut self, port: &mut T) -> Result<(), T::Error> {
+        self.telemetry.tell(self.controller.faults());
         let mut out = Outbox { port, sequence: 0 };
         while let Some(record) = self.telemetry.pop() {
             out.send(Response::Telemetry(record))?;
@@ -347,7 +362,7 @@ impl<const M: usize, const P: usize, const B: usize, const R: usize> Server<'_, 
         Status {
             build: identity::BUILD,
             configuration: self.banks.hash(),
-            serials: Serials::default(),
+            serials: self.controller.serials(),
             draft: self.banks.draft.state(),
             draft_refused: self.banks.refused(),
             mode: self.controller.mode(),

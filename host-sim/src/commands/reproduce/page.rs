@@ -6,6 +6,7 @@ use crate::commands::strehl::budget::{BudgetResult, in_words, with_error};
 use crate::commands::strehl::results::{PairResult, StrehlResult, style};
 use crate::commands::theory::TheoryResult;
 use crate::error::Error;
+use crate::instrument::LeverArm;
 use crate::monte_carlo::budget::{Step, lever_arm_rad2};
 use crate::monte_carlo::comparator::Comparator;
 use crate::monte_carlo::point::Conditions;
@@ -173,7 +174,7 @@ fn ratios(data: &Data<'_>) -> Result<String, Error> {
     let rows: Vec<Vec<String>> = each
         .zip(&data.campaign.tasks)
         .map(|(points, task)| {
-            let mut row = vec![ratio(task), task.screens.to_string()];
+            let mut row = vec![ratio(task), task.finished.len().to_string()];
             row.extend(points.iter().map(|point| with_error(point.strehl, point.strehl_se)));
             row.extend(data.advantage(task).map(|pair| signed(pair.difference, pair.se)));
             row
@@ -302,7 +303,7 @@ fn lever_arm(data: &Data<'_>) -> String {
                    nothing moves.</p>\n"
         .to_string();
     let instrument = data.campaign.tasks[0].point.instrument();
-    let plain = instrument.control.lever_arm == 1.0;
+    let plain = instrument.control.lever_arm == LeverArm::Factor(1.0);
     let mut heads: Vec<String> = ["D/r0", "SPLASH", "LGS"].map(String::from).into();
     if plain {
         heads.push("0.134 (D/r0)^(5/3) sum w (h/H)^2".into());
@@ -426,10 +427,19 @@ fn parameters(data: &Data<'_>) -> Result<String, Error> {
         ["screens", &data.campaign.screens()],
         ["N", &across.join(", ")],
         ["frames of a loop", &format!("{frames} averaged after {settle} to settle")],
-        ["r0", &format!("{} m", instrument.atmosphere.r0_m)],
+        ["r0", &format!("{} m", instrument.r0_m())],
         ["subaperture", &format!("{} m", instrument.telescope.pitch_m)],
         ["turbulence", &layers],
         ["beacon", &format!("{:.0} m", instrument.laser.beacon_height_m)],
+        [
+            "windows of images",
+            &format!(
+                "{0} x {0} pixels of lambda/{1}d, {2} samples per subaperture",
+                instrument.windows.size,
+                instrument.windows.pixels_per_lambda_d,
+                instrument.telescope.samples
+            ),
+        ],
         [
             "laser, science",
             &format!(

@@ -67,7 +67,7 @@ pub(super) fn gather(campaign: &Campaign) -> Vec<BudgetResult> {
             all.push(BudgetResult {
                 n: task.point.n(),
                 sensor: comparator.name(),
-                screens: task.screens,
+                screens: task.finished.len() as u32,
                 sum_rad2: terms.iter().map(|term| term.variance_rad2).sum(),
                 terms,
                 run_rad2,

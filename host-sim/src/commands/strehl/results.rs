@@ -1,7 +1,7 @@
 //! The results of `host-sim strehl` as a table, JSON, CSV, FITS and a figure.
 
 use super::budget::{self, BudgetResult};
-use crate::commands::campaign::Campaign;
+use crate::commands::campaign::{Campaign, Progress};
 use crate::error::Error;
 use crate::figures::{Measured, error_bars};
 use crate::files::csv::SeriesWriter;
@@ -59,7 +59,7 @@ pub(in crate::commands) fn gather(campaign: &Campaign) -> StrehlResult {
                 strehl: mean,
                 strehl_se: standard_error,
                 variance_rad2: Mean::of(&task.values(a, |o| o.variance_rad2)).mean,
-                screens: task.screens,
+                screens: task.finished.len() as u32,
             });
             for &b in &comparators[index + 1..] {
                 let Mean { mean, standard_error } = Mean::of_differences(&strehl(a), &strehl(b));
@@ -133,7 +133,7 @@ fn write_csv(
     let columns = head(&["n", "screen"], comparators.iter().flat_map(two).collect());
     let mut file = create("screens.csv", &columns)?;
     for task in tasks {
-        for screen in 0..task.screens {
+        for &screen in &task.finished {
             let mut line = vec![task.point.n() as f64, f64::from(screen)];
             for &comparator in comparators {
                 let outcome = task.outcome(screen, comparator);
@@ -146,8 +146,8 @@ fn write_csv(
     Ok(files)
 }
 
-/// STREHL and VARIANCE, screen by screen (screen, sensor, N), NaN beyond the screens of an N; N, the sizes of
-/// the third axis.
+/// STREHL and VARIANCE, screen by screen (screen, sensor, N), NaN beyond the screens of an N and for one that is
+/// missing; N, the sizes of the third axis.
 fn write_fits(path: &Path, campaign: &Campaign, seed: u64) -> Result<(), Error> {
     let Campaign { tasks, comparators, .. } = campaign;
     let most = tasks.iter().map(|task| task.screens as usize).max().unwrap_or(0);
@@ -164,8 +164,10 @@ fn write_fits(path: &Path, campaign: &Campaign, seed: u64) -> Result<(), Error> 
     let cube = |of: fn(&Outcome) -> f64| -> Vec<f64> {
         let all = tasks.iter().flat_map(|task| comparators.iter().map(move |c| (task, *c)));
         let padded = all.flat_map(|(task, comparator)| {
-            let mut values = task.values(comparator, of);
-            values.resize(most, f64::NAN);
+            let mut values = vec![f64::NAN; most];
+            for (&screen, value) in task.finished.iter().zip(task.values(comparator, of)) {
+                values[screen as usize] = value;
+            }
             values
         });
         padded.collect()
@@ -208,6 +210,16 @@ pub(in crate::commands) fn style(comparator: Comparator) -> (&'static str, &'sta
         Comparator::Ngs => ("NGS", "#228833"),
         Comparator::Fit => ("fit", "#555555"),
     }
+}
+
+/// What is there and what is missing, one line an N.
+pub(in crate::commands) fn progress(points: &[Progress]) -> Vec<(&'static str, String)> {
+    let line = |(index, point): (usize, &Progress)| {
+        let Progress { n, screens, finished, missing } = point;
+        let name = if index == 0 { "screens" } else { "" };
+        (name, format!("N = {n:<3} {finished} of {screens}, {missing} missing"))
+    };
+    points.iter().enumerate().map(line).collect()
 }
 
 /// The table: one line an N and sensor, one an N and pair, then the budget.

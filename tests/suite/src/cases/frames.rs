@@ -6,7 +6,7 @@ use splash_firmware::spec::{Estimator, SorSpec};
 use crate::cases::Subject;
 use crate::cases::law::TILTS;
 use crate::cases::pixels::{BRIGHTEST, PLAIN, THRESHOLDED, WEIGHTED};
-use crate::instrument::{DEFAULT, Instrument, Pupil};
+use crate::instrument::{DEFAULT, Instrument, Pupil, Second};
 use crate::play::{Case, Event, Input};
 use crate::scene::{Light, Spots};
 use crate::stages::ALL;
@@ -42,6 +42,9 @@ const EVENTS: Case = Case {
 };
 /// The same, but measured elsewhere.
 const MEASURED: Case = Case { name: "measured", input: Input::Centroids(1 << 16, 7), ..EVENTS };
+
+/// Measurements at the edges of their types.
+const ANY: Case = Case { name: "any", input: Input::Edges, frames: 4, events: &[], shown: ALL };
 
 const fn subject(instrument: Instrument, cases: &'static [Case]) -> Subject {
     Subject { instrument, tilts: &[], cases }
@@ -100,4 +103,37 @@ pub(super) const SUBJECTS: &[Subject] = &[
         tilts: TILTS,
         cases: &[NOISY, DEAD],
     },
+    subject(
+        Instrument {
+            second: Some(Second { modes: 12, beside: true }),
+            ..eight("n8-two-gates-12", THRESHOLDED)
+        },
+        &[NOISY, DEAD, EVENTS, MEASURED, ANY],
+    ),
+    subject(
+        Instrument {
+            second: Some(Second { modes: 25, beside: false }),
+            delay_frames: 1,
+            ..eight("n8-two-gates-25", WEIGHTED)
+        },
+        &[DEAD, ANY],
+    ),
+    subject(
+        Instrument {
+            second: Some(Second { modes: 12, beside: false }),
+            window: 4,
+            across: 16,
+            ..four("n16-two-gates-12", THRESHOLDED)
+        },
+        &[DEAD],
+    ),
+    subject(
+        Instrument {
+            second: Some(Second { modes: 25, beside: false }),
+            window: 4,
+            across: 16,
+            ..four("n16-two-gates-25", PLAIN)
+        },
+        &[NOISY, DEAD, ANY],
+    ),
 ];

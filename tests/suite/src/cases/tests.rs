@@ -6,7 +6,7 @@ use splash_firmware::pipeline::{Pipeline, Totals};
 use super::*;
 use crate::maps::Maps;
 use crate::play::{Source, play};
-use crate::{BUFFER, CELLS, PIXELS};
+use crate::{BUFFER, MODES, PIXELS, WINDOWS};
 
 /// What is left of a case: its totals, and what its last complete frame saw.
 struct After {
@@ -18,8 +18,8 @@ struct After {
 }
 
 fn run(subjects: &[Subject]) -> Vec<After> {
-    let mut config = Box::new(Config::<CELLS, PIXELS, BUFFER>::new());
-    let mut pipeline = Box::new(Pipeline::<CELLS, BUFFER>::new());
+    let mut config = Box::new(Config::<WINDOWS, PIXELS, BUFFER, MODES>::new());
+    let mut pipeline = Box::new(Pipeline::<WINDOWS, BUFFER, MODES>::new());
     let (mut maps, mut source) = (Box::new(Maps::new()), Box::new(Source::new()));
     let mut all = Vec::new();
     for Subject { instrument, cases, .. } in subjects {
@@ -60,7 +60,7 @@ fn events_happen_and_the_loop_goes_on() {
         // Given for frame 10, old after 12.
         assert_eq!(totals.stale_tilt, 2, "{subject} {case}");
     }
-    assert_eq!(found, 5);
+    assert_eq!(found, 7);
 }
 
 #[test]

@@ -7,25 +7,28 @@ use ibex::{Console, DMEM_BYTES, Exit, Once, Ports, STACK_BYTES, exit};
 use splash_firmware::banks::Banks;
 use splash_firmware::config::Config;
 use splash_firmware::controller::Controller;
+use splash_firmware::modal::MAX_MODES;
 use splash_firmware::telemetry::Ring;
 use splash_server::{controller, serve};
 
-/// Cells of the subaperture grid: 16 x 16.
-const M: usize = 256;
-/// Window pixels: 64 windows of 16 x 16, or 256 of 8 x 8.
-const P: usize = 16_384;
+/// Windows: two gates of the 208 subapertures of a circle 16 across; and cells of the grid.
+const M: usize = 416;
+/// Window pixels: 416 windows of 8 x 8, or 104 of 16 x 16.
+const P: usize = 26_624;
 /// Pixels that brightest-n can buffer: 8 windows of 16 x 16 in a row, or 16 of 8 x 8 in two.
 const B: usize = 2_048;
+/// Modes of a second gate.
+const K: usize = MAX_MODES;
 /// Records of telemetry: those of a frame with 256 subapertures are 65.
 const R: usize = 66;
 
-static RUNNING: Once<Config<M, P, B>> = Once::new(Config::new());
-static OTHER: Once<Config<M, P, B>> = Once::new(Config::new());
+static RUNNING: Once<Config<M, P, B, K>> = Once::new(Config::new());
+static OTHER: Once<Config<M, P, B, K>> = Once::new(Config::new());
 static TELEMETRY: Once<Ring<R>> = Once::new(Ring::new());
-static CONTROLLER: Once<Controller<M, B>> = Once::new(controller());
+static CONTROLLER: Once<Controller<M, B, K>> = Once::new(controller());
 
-const NEEDED: usize = 2 * size_of::<Config<M, P, B>>()
-    + size_of::<Controller<M, B>>()
+const NEEDED: usize = 2 * size_of::<Config<M, P, B, K>>()
+    + size_of::<Controller<M, B, K>>()
     + size_of::<Ring<R>>()
     + STACK_BYTES;
 const _: () = const_panic::concat_assert!(
@@ -51,7 +54,7 @@ extern "C" fn main() -> ! {
     if let (Some(running), Some(other), Some(control), Some(telemetry)) =
         (RUNNING.take(), OTHER.take(), CONTROLLER.take(), TELEMETRY.take())
     {
-        let _ = writeln!(Console, "room for {M} cells, {P} window pixels, {B} buffered");
+        let _ = writeln!(Console, "room for {M} windows, {P} window pixels, {B} buffered");
         let banks = Banks::new(running, other);
         // The one way in which it ends.
         let ibex::Closed = serve(&mut Ports::new(), "ibex", banks, control, telemetry);

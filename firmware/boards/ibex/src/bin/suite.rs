@@ -4,9 +4,9 @@
 
 use core::fmt::Write;
 use ibex::{Console, Exit, Once, exit};
-use splash_suite::{BUFFER, CELLS, PIXELS, Workspace};
+use splash_suite::{BUFFER, MODES, PIXELS, WINDOWS, Workspace};
 
-static WORKSPACE: Once<Workspace<CELLS, PIXELS, BUFFER>> = Once::new(Workspace::new());
+static WORKSPACE: Once<Workspace<WINDOWS, PIXELS, BUFFER, MODES>> = Once::new(Workspace::new());
 
 /// Where `start` goes.
 // SAFETY: the name is that of the call in `start` and of nothing else.

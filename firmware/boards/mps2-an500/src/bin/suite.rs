@@ -4,10 +4,10 @@
 
 use mps2_an500::{Exit, exit};
 use semihosting::println;
-use splash_suite::{BUFFER, CELLS, PIXELS, Workspace};
+use splash_suite::{BUFFER, MODES, PIXELS, WINDOWS, Workspace};
 use static_cell::ConstStaticCell;
 
-static WORKSPACE: ConstStaticCell<Workspace<CELLS, PIXELS, BUFFER>> =
+static WORKSPACE: ConstStaticCell<Workspace<WINDOWS, PIXELS, BUFFER, MODES>> =
     ConstStaticCell::new(Workspace::new());
 
 #[cortex_m_rt::entry]

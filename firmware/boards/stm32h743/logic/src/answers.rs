@@ -13,6 +13,7 @@ use splash_firmware::controller::FrameResult;
 use splash_firmware::fault::{self, KINDS, RECORDS};
 use splash_firmware::interlock::Outputs;
 use splash_firmware::link::PIECE;
+use splash_firmware::mirror::Serials;
 use splash_firmware::mode::{Mode, Refusal, TRANSITIONS, Transition};
 use splash_firmware::pipeline::{GlobalTilt, Totals};
 use splash_firmware::segments::{ACTUATORS, Position};
@@ -109,6 +110,8 @@ pub struct Books {
     pub mode: Mode,
     /// The enables.
     pub outputs: Outputs,
+    /// The hardware that is there.
+    pub serials: Serials,
     /// What became of the last frame; `None` before the first.
     pub last: Option<FrameResult>,
     /// The time, cycles since the start.
@@ -172,6 +175,7 @@ impl<D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
         Books {
             mode: self.controller.mode(),
             outputs: self.controller.outputs(),
+            serials: self.controller.serials(),
             last: self.last,
             now,
             tilt_squared_ulp2: strehl::tilt_squared(pipeline.slopes()),

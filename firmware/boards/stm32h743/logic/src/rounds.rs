@@ -153,6 +153,7 @@ impl<D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
         let inputs = hardware.inputs();
         hardware.enable(self.frames.controller.interlock(inputs, now));
         self.gate(hardware);
+        self.frames.telemetry.tell(self.frames.controller.faults());
         while self.ends.telemetry.ready()
             && let Some(record) = self.frames.telemetry.pop()
         {

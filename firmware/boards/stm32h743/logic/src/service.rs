@@ -34,7 +34,7 @@ use splash_firmware::strehl;
 use splash_firmware::telemetry::{self, Decimation};
 use splash_server::{Left, Link, Outbox, Pieces, identity, parameters};
 
-/// Serial numbers of mirror and detector: this board has no way to read them.
+/// Serial numbers of mirror and detector: this board cannot read them, and nobody has stated them yet.
 pub const SERIALS: Serials = Serials { mirror: 0, detector: 0 };
 
 /// Bytes that the link carries in a second: each has a start and a stop bit.
@@ -122,13 +122,15 @@ impl<'q, const M: usize, const P: usize, const B: usize> Service<'q, M, P, B> {
         }
     }
 
-    /// At the start: has the configuration run that is stored, if there is one.
+    /// At the start: has the configuration run that is stored, if there is one, with the hardware that
+    /// was there.
     ///
     /// # Errors
     /// Why it does not run. The board then waits for one from the link.
     pub fn restore<T: Board>(&mut self, board: &mut T) -> Result<(), Reason> {
         if let Some(draft) = &mut self.draft {
-            draft.restore(&mut Store::new(board.flash()))?;
+            let stored = draft.restore(&mut Store::new(board.flash()))?;
+            self.operator(board, Command::Hardware(stored.serials))?;
         }
         self.switch(board)?;
         self.refused.map_or(Ok(()), |refusal| Err(refusal.into()))
@@ -174,7 +176,7 @@ impl<'q, const M: usize, const P: usize, const B: usize> Service<'q, M, P, B> {
     fn answer<T: Board>(&mut self, board: &mut T, request: Message<Request>) -> Left<T::Error> {
         let mut out = Outbox { port: board, sequence: request.sequence };
         match request.body {
-            Request::Identify => out.send(Response::Identity(identity::<M, P, B>(self.name)))?,
+            Request::Identify => out.send(Response::Identity(identity::<M, P, B, 0>(self.name)))?,
             Request::Load { bytes } => {
                 let mut pieces = Pieces::new(out.port, &mut self.receiver, bytes);
                 let loaded = match &mut self.draft {
@@ -349,11 +351,12 @@ impl<'q, const M: usize, const P: usize, const B: usize> Service<'q, M, P, B> {
 
     /// Stores what runs. It takes longer than a frame: the loop must not need one.
     fn store<T: Board>(&mut self, board: &mut T) -> Result<Response, Reason> {
-        match self.asking.books(&mut waiting(board)).mode {
+        let books = self.asking.books(&mut waiting(board));
+        match books.mode {
             Mode::Safe | Mode::Standby => {}
             mode => return Err(Refusal::WrongMode { mode }.into()),
         }
-        let stored = Store::new(board.flash()).store(&*self.running)?;
+        let stored = Store::new(board.flash()).store(&*self.running, books.serials)?;
         Ok(Response::Stored(Some(stored)))
     }
 
@@ -387,7 +390,7 @@ impl<'q, const M: usize, const P: usize, const B: usize> Service<'q, M, P, B> {
         Status {
             build: identity::BUILD,
             configuration: self.hash,
-            serials: SERIALS,
+            serials: books.serials,
             draft,
             draft_refused: self.refused,
             mode: books.mode,

@@ -1,0 +1,285 @@
+//! The results of `host-sim gates` as a table, JSON, CSV, FITS and figures.
+
+use super::{Measured, Terms};
+use crate::commands::strehl::budget::with_error;
+use crate::error::Error;
+use crate::figures::{Measured as Curve, error_bars};
+use crate::files::csv::SeriesWriter;
+use crate::files::fits::{FitsWriter, Header};
+use crate::monte_carlo::gates::View;
+use crate::monte_carlo::point::Outcome;
+use crate::monte_carlo::statistics::Mean;
+use serde::Serialize;
+use std::path::Path;
+
+/// The JSON.
+#[derive(Debug, Serialize)]
+pub(super) struct GatesResult {
+    gate_height_m: f64,
+    slope_noise_rad: f64,
+    points: Vec<PointResult>,
+}
+
+/// One contender at one N. Errors are null for a single screen.
+#[derive(Debug, Serialize)]
+struct PointResult {
+    n: usize,
+    diameter_in_r0: f64,
+    law: String,
+    /// f; null for guide stars and fit.
+    lever_arm: Option<f64>,
+    screens: u32,
+    strehl: f64,
+    strehl_se: f64,
+    variance_rad2: f64,
+    variance_se: f64,
+    /// Less that of the fit, screen by screen.
+    beyond_fit_rad2: f64,
+    beyond_fit_se: f64,
+    /// The same by theory; null where there is none.
+    expected_rad2: Option<f64>,
+    /// Variance over that of one gate with f = 1, and the same with the fit's taken off both.
+    ratio: f64,
+    ratio_se: f64,
+    ratio_beyond_fit: f64,
+    ratio_beyond_fit_se: f64,
+    /// Variance less that of one gate with the best f, screen by screen.
+    minus_splash_f_rad2: f64,
+    minus_splash_f_se: f64,
+}
+
+/// The contender's position; all are there by construction.
+fn position(measured: &Measured, name: &str) -> usize {
+    measured.contenders.iter().position(|c| c.name == name).unwrap_or(0)
+}
+
+fn column(measured: &Measured, contender: usize, of: fn(&Outcome) -> f64) -> Vec<f64> {
+    measured.outcomes.iter().map(|screen| of(&screen[contender])).collect()
+}
+
+/// The ratio of two means over the same screens; its error is that of a - r b over the mean of b.
+fn ratio(a: &[f64], b: &[f64]) -> Mean {
+    let under = Mean::of(b).mean;
+    let mean = Mean::of(a).mean / under;
+    let scaled: Vec<f64> = b.iter().map(|b| mean * b).collect();
+    Mean { mean, standard_error: Mean::of_differences(a, &scaled).standard_error / under }
+}
+
+/// Means and ratios.
+pub(super) fn gather(all: &[Measured], terms: &Terms) -> GatesResult {
+    let points = all.iter().flat_map(|m| (0..m.contenders.len()).map(|c| point(m, c, terms)));
+    GatesResult {
+        gate_height_m: terms.gate_height_m,
+        slope_noise_rad: terms.noise_rad,
+        points: points.collect(),
+    }
+}
+
+fn point(measured: &Measured, contender: usize, terms: &Terms) -> PointResult {
+    let variances = |name: &str| column(measured, position(measured, name), |o| o.variance_rad2);
+    let own = column(measured, contender, |o| o.variance_rad2);
+    let (fit, null) = (variances("fit"), variances("splash"));
+    let less = |a: &[f64]| -> Vec<f64> { a.iter().zip(&fit).map(|(a, fit)| a - fit).collect() };
+    let strehl = Mean::of(&column(measured, contender, |o| o.strehl));
+    let variance = Mean::of(&own);
+    let beyond = Mean::of(&less(&own));
+    let (whole, part) = (ratio(&own, &null), ratio(&less(&own), &less(&null)));
+    let against = Mean::of_differences(&own, &variances("splash_f"));
+    let contestant = &measured.contenders[contender];
+    PointResult {
+        n: measured.point.n(),
+        diameter_in_r0: diameter_in_r0(measured),
+        law: contestant.name.clone(),
+        lever_arm: (contestant.view == View::Splash).then_some(contestant.law.lever_arm),
+        screens: terms.screens,
+        strehl: strehl.mean,
+        strehl_se: strehl.standard_error,
+        variance_rad2: variance.mean,
+        variance_se: variance.standard_error,
+        beyond_fit_rad2: beyond.mean,
+        beyond_fit_se: beyond.standard_error,
+        expected_rad2: measured.expected[contender],
+        ratio: whole.mean,
+        ratio_se: whole.standard_error,
+        ratio_beyond_fit: part.mean,
+        ratio_beyond_fit_se: part.standard_error,
+        minus_splash_f_rad2: against.mean,
+        minus_splash_f_se: against.standard_error,
+    }
+}
+
+fn diameter_in_r0(measured: &Measured) -> f64 {
+    measured.point.pupil().diameter_m() / measured.point.instrument().r0_m()
+}
+
+/// Tables and pictures: their names.
+pub(super) fn write(
+    directory: &Path,
+    all: &[Measured],
+    result: &GatesResult,
+    terms: &Terms,
+) -> Result<[&'static str; 5], Error> {
+    let files = ["gates.csv", "screens.csv", "gates.fits", "strehl.svg", "ratio.svg"];
+    let names: Vec<&str> = all[0].contenders.iter().map(|c| c.name.as_str()).collect();
+    write_means(&directory.join(files[0]), result, &names)?;
+    write_screens(&directory.join(files[1]), all, &names)?;
+    write_fits(&directory.join(files[2]), all, &names, terms)?;
+    draw(directory, [files[3], files[4]], result, &names, terms)?;
+    Ok(files)
+}
+
+/// One line an N.
+fn write_means(path: &Path, result: &GatesResult, names: &[&str]) -> Result<(), Error> {
+    let each = |name: &&str| {
+        [
+            "strehl",
+            "strehl_se",
+            "variance_rad2",
+            "variance_se",
+            "expected_rad2",
+            "ratio",
+            "ratio_se",
+        ]
+        .map(|what| format!("{name}_{what}"))
+    };
+    let head = ["n", "diameter_in_r0", "screens"].map(String::from);
+    let columns: Vec<String> = head.into_iter().chain(names.iter().flat_map(each)).collect();
+    let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
+    let mut file = SeriesWriter::create(path, &columns)?;
+    for row in result.points.chunks(names.len()) {
+        let mut line = vec![row[0].n as f64, row[0].diameter_in_r0, f64::from(row[0].screens)];
+        for p in row {
+            let expected = p.expected_rad2.unwrap_or(f64::NAN);
+            line.extend([p.strehl, p.strehl_se, p.variance_rad2, p.variance_se]);
+            line.extend([expected, p.ratio, p.ratio_se]);
+        }
+        file.push(&line)?;
+    }
+    Ok(file.finish()?)
+}
+
+/// One line a screen.
+fn write_screens(path: &Path, all: &[Measured], names: &[&str]) -> Result<(), Error> {
+    let each = |name: &&str| ["strehl", "variance_rad2"].map(|what| format!("{name}_{what}"));
+    let head = ["n", "screen"].map(String::from);
+    let columns: Vec<String> = head.into_iter().chain(names.iter().flat_map(each)).collect();
+    let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
+    let mut file = SeriesWriter::create(path, &columns)?;
+    for measured in all {
+        for (screen, outcomes) in measured.outcomes.iter().enumerate() {
+            let mut line = vec![measured.point.n() as f64, screen as f64];
+            line.extend(outcomes.iter().flat_map(|o| [o.strehl, o.variance_rad2]));
+            file.push(&line)?;
+        }
+    }
+    Ok(file.finish()?)
+}
+
+/// STREHL and VARIANCE (screen, law, N); N, the sizes of the third axis.
+fn write_fits(path: &Path, all: &[Measured], names: &[&str], terms: &Terms) -> Result<(), Error> {
+    let header = |unit: &str| {
+        let mut header = Header::new()
+            .with("BUNIT", unit, "unit of the values")
+            .with("ORIGIN", "host-sim", "SPLASH simulator")
+            .with("SEED", terms.seed.to_string(), "seed of turbulence and noise")
+            .with("GATE", terms.gate_height_m, "[m] height of the second gate")
+            .with("NOISE", terms.noise_rad, "[rad] rms of a slope, edge to edge");
+        for (index, name) in names.iter().enumerate() {
+            header = header.with(&format!("LAW{}", index + 1), *name, "axis 2");
+        }
+        header
+    };
+    let cube = |of: fn(&Outcome) -> f64| -> Vec<f64> {
+        all.iter().flat_map(|m| (0..names.len()).flat_map(move |c| column(m, c, of))).collect()
+    };
+    let shape = [terms.screens as usize, names.len(), all.len()];
+    let across: Vec<i32> = all.iter().map(|measured| measured.point.n() as i32).collect();
+    let mut file = FitsWriter::create(path)?;
+    file.image("STREHL", &shape, &header(""), &cube(|outcome| outcome.strehl))?;
+    file.image("VARIANCE", &shape, &header("rad2"), &cube(|outcome| outcome.variance_rad2))?;
+    file.image("N", &[across.len()], &Header::new(), &across)?;
+    Ok(file.finish()?)
+}
+
+/// Strehl ratio, and variance over that of one gate with f = 1, against D/r0.
+fn draw(
+    directory: &Path,
+    [strehl, ratio]: [&str; 2],
+    result: &GatesResult,
+    names: &[&str],
+    terms: &Terms,
+) -> Result<(), Error> {
+    let title = match terms.noise_rad {
+        0.0 => format!("{} screens, exact gradients", terms.screens),
+        noise => format!("{} screens, exact gradients, noise {noise} rad", terms.screens),
+    };
+    let x: Vec<f64> = result.points.chunks(names.len()).map(|row| row[0].diameter_in_r0).collect();
+    let figure = |name: &str, label, value: Columns, shown: &dyn Fn(&str) -> bool| {
+        let column = |law: &str, of: fn(&PointResult) -> f64| -> Vec<f64> {
+            result.points.iter().filter(|point| point.law == law).map(of).collect()
+        };
+        let shown = names.iter().filter(|name| shown(name));
+        let data: Vec<_> =
+            shown.map(|&law| (style(law), column(law, value[0]), column(law, value[1]))).collect();
+        let curves: Vec<_> = data
+            .iter()
+            .map(|((name, colour), y, error)| Curve { name, colour, y, error })
+            .collect();
+        error_bars(directory.join(name), ["D / r0", label], &title, &x, &curves)
+    };
+    figure(strehl, "Strehl ratio", [|p| p.strehl, |p| p.strehl_se], &|_| true)?;
+    let ours = |name: &str| name.starts_with("splash_") || name.starts_with("gates_");
+    let label = "residual variance over that of one gate, f = 1";
+    Ok(figure(ratio, label, [|p| p.ratio, |p| p.ratio_se], &ours)?)
+}
+
+/// A value and its error.
+type Columns = [fn(&PointResult) -> f64; 2];
+
+fn style(law: &str) -> (&str, &'static str) {
+    match law {
+        "splash" => ("SPLASH", "#b3261e"),
+        "splash_f" => ("SPLASH, best f", "#ee7733"),
+        "gates_12" => ("two gates, 12 modes", "#aa3377"),
+        "gates_25" => ("two gates, 25 modes", "#332288"),
+        "lgs" => ("LGS", "#4477aa"),
+        "ngs" => ("NGS", "#228833"),
+        "fit" => ("fit", "#555555"),
+        other => (other, "#000000"),
+    }
+}
+
+/// One line an N and contender.
+pub(super) fn table(result: &GatesResult) -> Vec<(&'static str, String)> {
+    let mut table = vec![
+        ("second gate", format!("at {} m", result.gate_height_m)),
+        ("slope noise", format!("{} rad, edge to edge", result.slope_noise_rad)),
+        (
+            "residual",
+            format!(
+                "{:<19}{:>8}{:>16}{:>16}{:>16}{:>10}{:>14}{:>14}",
+                "", "f", "Strehl ratio", "rad^2", "beyond fit", "expected", "ratio", "beyond fit"
+            ),
+        ),
+    ];
+    for p in &result.points {
+        let number =
+            |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.4}"));
+        table.push((
+            "",
+            format!(
+                "N = {:<4}{:<11}{:>8}{:>16}{:>16}{:>16}{:>10}{:>14}{:>14}",
+                p.n,
+                p.law,
+                number(p.lever_arm),
+                with_error(p.strehl, p.strehl_se),
+                with_error(p.variance_rad2, p.variance_se),
+                with_error(p.beyond_fit_rad2, p.beyond_fit_se),
+                number(p.expected_rad2),
+                with_error(p.ratio, p.ratio_se),
+                with_error(p.ratio_beyond_fit, p.ratio_beyond_fit_se),
+            ),
+        ));
+    }
+    table
+}

@@ -1,0 +1,35 @@
+//! `host-sim scale`: sensors and control laws against D/r0, to extremely large telescopes.
+
+mod plan;
+mod results;
+
+use super::campaign::Campaign;
+use super::{output, progress};
+use crate::cli::ScaleArgs;
+use crate::error::Error;
+use crate::files::lock::Lock;
+use plan::Plan;
+use std::time::Instant;
+
+/// Runs it.
+///
+/// # Errors
+/// [`Error`] with the exit code that fits.
+pub fn run(args: &ScaleArgs) -> Result<(), Error> {
+    let start = Instant::now();
+    let Plan { points, curves } = Plan::new(args)?;
+    let directory = output::directory(args.output.out.as_deref(), "scale")?;
+    let _lock = Lock::take(&directory, "host-sim scale")?;
+    let mut campaign = Campaign::of_cases(&directory, points)?;
+    let estimate = campaign.estimate(args.long)?;
+    progress::say(&format!("{}: about {estimate}", campaign.asked()));
+    campaign.run()?;
+    let result = results::gather(&campaign, &curves);
+    results::write(&directory, &campaign, &curves, &result, args.seed)?;
+    let mut table = results::table(&result);
+    table.push(("screens", format!("{}, frozen, seed {}", campaign.screens(), args.seed)));
+    table.push(("estimate", estimate));
+    table.push(("time", format!("{:.1} s", start.elapsed().as_secs_f64())));
+    table.push(("pictures and files", directory.display().to_string()));
+    output::report(args.output.json, &result, &table)
+}

@@ -1,0 +1,97 @@
+//! The beacon of an instrument: its beams, its slab, its light.
+
+use super::{Instrument, LaunchName, PhotonNumberName, ScattererName};
+use crate::beacon::{Kind, Link, Scatterer};
+use crate::error::Error;
+use crate::optics::launch::Launch;
+use crate::optics::slab::Slab;
+
+impl Instrument {
+    /// The beams launched through the subapertures.
+    pub fn launch(&self) -> Launch {
+        match self.laser.launch {
+            LaunchName::Uniform => Launch::Uniform,
+            LaunchName::Gaussian => {
+                Launch::Gaussian { waist_pitches: self.laser.launch_waist_pitches }
+            }
+        }
+    }
+
+    /// What scatters the laser's light.
+    pub fn scatterer(&self) -> Scatterer {
+        let photons = &self.photons;
+        let kind = match self.laser.scatterer {
+            ScattererName::Rayleigh => Kind::Rayleigh,
+            ScattererName::Sodium => Kind::Sodium {
+                altitude_m: photons.sodium_altitude_m,
+                fwhm_m: photons.sodium_fwhm_m,
+                atoms_per_m2: photons.sodium_atoms_per_m2,
+                cross_section_m2: photons.sodium_cross_section_m2,
+            },
+        };
+        Scatterer { site_altitude_m: photons.site_altitude_m, kind }
+    }
+
+    /// From where the light comes.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for a slab that cannot be.
+    pub fn slab(&self) -> Result<Slab, Error> {
+        let laser = &self.laser;
+        let (focus_m, depth_m) = (laser.beacon_height_m, laser.gate_depth_m);
+        if laser.slices == 1 {
+            return Ok(Slab::sheet(focus_m));
+        }
+        let (pitch_m, wavelength_m) = (self.telescope.pitch_m, laser.wavelength_m);
+        let diameter_m = self.telescope.subapertures as f64 * pitch_m;
+        let count = match laser.slices {
+            0 => Slab::slices_needed(focus_m, depth_m, wavelength_m, pitch_m, diameter_m),
+            count => count,
+        };
+        let scatterer = self.scatterer();
+        let density = |height_m| scatterer.backscatter_per_m_sr(height_m, wavelength_m);
+        Ok(Slab::gated(focus_m, depth_m, wavelength_m, count, density)?)
+    }
+
+    /// Photo-electrons per spot and frame, of a subaperture that is lit all over.
+    ///
+    /// # Errors
+    /// [`Error::Config`] if the pupil cannot be.
+    pub fn electrons_per_spot(&self) -> Result<f64, Error> {
+        match self.photons.number {
+            PhotonNumberName::Given => Ok(self.laser.electrons_per_spot),
+            PhotonNumberName::Lidar => Ok(self.lidar()?.electrons()),
+        }
+    }
+
+    /// The lidar equation of one spot.
+    ///
+    /// # Errors
+    /// As [`Self::electrons_per_spot`].
+    pub fn lidar(&self) -> Result<Link, Error> {
+        let Self { laser, photons, telescope, .. } = self;
+        let spots = self.mask()?.count() as f64;
+        Ok(Link {
+            scatterer: self.scatterer(),
+            wavelength_m: laser.wavelength_m,
+            energy_j: photons.laser_power_w * self.frame_s() / spots,
+            height_m: laser.beacon_height_m,
+            depth_m: laser.gate_depth_m,
+            zenith_angle_rad: laser.zenith_angle_deg.to_radians(),
+            launch_throughput: photons.launch_throughput * self.launch().transmitted(),
+            transmission: photons.transmission,
+            area_m2: spots * telescope.pitch_m * telescope.pitch_m,
+            receive_throughput: photons.receive_throughput,
+            quantum_efficiency: photons.quantum_efficiency,
+        })
+    }
+
+    /// Fried parameter at the laser's wavelength, m.
+    pub fn r0_m(&self) -> f64 {
+        let (at_m, laser_m) = (self.atmosphere.r0_wavelength_m, self.laser.wavelength_m);
+        if at_m == 0.0 || at_m == laser_m {
+            return self.atmosphere.r0_m;
+        }
+        self.atmosphere.r0_m * (laser_m / at_m).powf(6.0 / 5.0)
+    }
+}

@@ -1,0 +1,215 @@
+//! One gate, two gates and guide stars under the same screens, with exact gradients in double precision.
+//!
+//! Every contender closes a loop of its own. A geometric sensor takes the mirror's tips and tilts off what it sees with
+//! a flat mirror, so each gate and each guide star is looked through once a frame, whoever follows it; and once for
+//! all under a sky that stands still. Slopes may have noise: a normal deviate for each slope, gate and frame, the
+//! same for all contenders that look through the gate.
+
+use super::point::{Outcome, Point, screen_seed};
+use super::slope_control::{SlopeControl, Tilts, remove_mean};
+use crate::atmosphere::{Atmosphere, Turbulence};
+use crate::error::Error;
+use crate::instrument::Instrument;
+use crate::optics::geometric::{GeometricSensor, Sensor};
+use crate::optics::science::{Observation, Science};
+use crate::optics::segment_fit::SegmentFit;
+use crate::pupil::Mirror;
+use crate::range_diversity::law::Law;
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+/// What a contender looks through.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum View {
+    /// SPLASH's spots, imaged once or twice.
+    Splash,
+    /// A conventional laser guide star.
+    Lgs,
+    /// A natural guide star.
+    Ngs,
+    /// Nothing: piston, tip and tilt of each segment are fitted to the star's phase.
+    Fit,
+}
+
+/// A loop.
+#[derive(Clone, Debug)]
+pub struct Contender {
+    /// In tables and files.
+    pub name: String,
+    /// What it sees.
+    pub view: View,
+    /// What it makes of it.
+    pub law: Law,
+}
+
+/// A point with its contenders, ready to run screens, any number at a time.
+pub struct Contest<'a> {
+    point: &'a Point,
+    contenders: &'a [Contender],
+    gate_height_m: f64,
+    /// Rms noise of a slope, rad from one edge of a subaperture to the other.
+    noise_rad: f64,
+    turbulence: Turbulence,
+}
+
+/// Slopes of all sensors with a flat mirror, rad from centre to edge, less their means.
+struct Slopes {
+    sensors: [GeometricSensor; 4],
+    flat: Mirror,
+    rad_per_px: f64,
+    /// Gate at H, second gate, laser and natural guide star.
+    slopes: [Tilts; 4],
+}
+
+impl<'a> Contest<'a> {
+    /// A contest with the second gate at `gate_height_m`, above 0 and up to the beacon's height.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for what the optics refuse.
+    pub fn new(
+        point: &'a Point,
+        contenders: &'a [Contender],
+        gate_height_m: f64,
+        noise_rad: f64,
+    ) -> Result<Self, Error> {
+        let (instrument, pupil) = (point.instrument(), point.pupil());
+        let turbulence = Turbulence::new(
+            instrument.r0_m(),
+            &instrument.layers(),
+            pupil.diameter_m(),
+            pupil.pitch_m(),
+            point.duration_s(),
+        )?;
+        Ok(Self { point, contenders, gate_height_m, noise_rad, turbulence })
+    }
+
+    /// Means over the frames averaged under screen number `screen`, of each contender: a function of that number, the
+    /// contest and nothing else.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for what the optics refuse.
+    pub fn run(&self, screen: u32) -> Result<Vec<Outcome>, Error> {
+        let (point, pupil) = (self.point, self.point.pupil());
+        let Instrument { laser, science, control, .. } = point.instrument();
+        let seed = screen_seed(point.conditions().seed, point.n(), screen);
+        let atmosphere = self.turbulence.realise(seed, &mut |_| ());
+        let mut noise = Noise::new(seed, self.noise_rad);
+        let mut slopes = Slopes::new(point, &atmosphere, self.gate_height_m)?;
+        let mut star = Science::new(pupil, &atmosphere, laser.wavelength_m, science.wavelength_m)?;
+        let controller = |contender: &Contender| {
+            SlopeControl::new(pupil, contender.law.clone(), control.gain, control.delay_frames)
+        };
+        let mut loops: Vec<SlopeControl> = self.contenders.iter().map(controller).collect();
+        let mut sums = vec![Outcome { strehl: 0.0, variance_rad2: 0.0 }; loops.len()];
+        let averaged = match self.noise_rad > 0.0 {
+            true => point.conditions().settle..point.frames(),
+            false => point.averaged(),
+        };
+        let mut fit = SegmentFit::default();
+        let mut fitted = Mirror::flat(pupil.subapertures().len());
+        for frame in 0..averaged.end {
+            let time_s = f64::from(frame) * point.instrument().frame_s();
+            if frame == 0 || !point.still() {
+                slopes.look(&atmosphere, time_s);
+            }
+            let noises = [0; 4].map(|_| noise.draw(fitted.segments.len()));
+            let observed = averaged.contains(&frame);
+            for ((contender, control), sum) in self.contenders.iter().zip(&mut loops).zip(&mut sums)
+            {
+                let see = |sensor: usize| slopes.through(sensor, control.applied(), &noises);
+                let [mut first, mut second] = match contender.view {
+                    View::Splash if contender.law.modes.is_empty() => [see(0), Tilts::new()],
+                    View::Splash => [see(0), see(1)],
+                    View::Lgs => [see(2), Tilts::new()],
+                    View::Ngs => [see(3), Tilts::new()],
+                    View::Fit => {
+                        if observed {
+                            fit.fit(pupil, &atmosphere, time_s, &mut fitted);
+                            add(sum, &star.observe(&atmosphere, time_s, &fitted));
+                        }
+                        continue;
+                    }
+                };
+                if observed {
+                    add(sum, &star.observe(&atmosphere, time_s, control.mirror()));
+                }
+                control.step(&mut first, &mut second);
+            }
+        }
+        let frames = averaged.len() as f64;
+        let mean = |sum: Outcome| Outcome {
+            strehl: sum.strehl / frames,
+            variance_rad2: sum.variance_rad2 / frames,
+        };
+        Ok(sums.into_iter().map(mean).collect())
+    }
+}
+
+fn add(sum: &mut Outcome, observation: &Observation) {
+    sum.strehl += observation.strehl;
+    sum.variance_rad2 += observation.variance_rad2;
+}
+
+impl Slopes {
+    fn new(point: &Point, atmosphere: &Atmosphere, gate_height_m: f64) -> Result<Self, Error> {
+        let (instrument, pupil) = (point.instrument(), point.pupil());
+        let (height_m, scale) =
+            (instrument.laser.beacon_height_m, instrument.windows.pixels_per_lambda_d);
+        let sensor = |kind| GeometricSensor::new(kind, pupil, atmosphere, height_m, scale);
+        let flat = Mirror::flat(pupil.subapertures().len());
+        let empty = || vec![[0.0; 2]; flat.segments.len()];
+        Ok(Self {
+            sensors: [
+                sensor(Sensor::Splash)?,
+                sensor(Sensor::Splash)?.with_gate(gate_height_m)?,
+                sensor(Sensor::Lgs)?,
+                sensor(Sensor::Ngs)?,
+            ],
+            rad_per_px: std::f64::consts::PI / scale,
+            slopes: [empty(), empty(), empty(), empty()],
+            flat,
+        })
+    }
+
+    fn look(&mut self, atmosphere: &Atmosphere, time_s: f64) {
+        for (sensor, slopes) in self.sensors.iter_mut().zip(&mut self.slopes) {
+            sensor.centroids(atmosphere, time_s, &self.flat, slopes);
+            slopes.as_flattened_mut().iter_mut().for_each(|slope| *slope *= self.rad_per_px);
+            remove_mean(slopes);
+        }
+    }
+
+    /// What a sensor sees behind the mirror.
+    fn through(&self, sensor: usize, mirror: &[[f64; 2]], noise: &[Tilts; 4]) -> Tilts {
+        let slopes = self.slopes[sensor].iter().zip(mirror).zip(&noise[sensor]);
+        let mut seen: Tilts = slopes
+            .map(|((slope, mirror), noise)| [0, 1].map(|k| slope[k] - mirror[k] + noise[k]))
+            .collect();
+        remove_mean(&mut seen);
+        seen
+    }
+}
+
+/// Normal deviates.
+struct Noise {
+    random: Xoshiro256PlusPlus,
+    /// Rms from centre to edge, rad.
+    rms: f64,
+}
+
+impl Noise {
+    fn new(seed: u64, noise_rad: f64) -> Self {
+        // Another stream than that of the screens.
+        let random = Xoshiro256PlusPlus::seed_from_u64(seed ^ 0x6e6f_6973_6520_6f66);
+        Self { random, rms: 0.5 * noise_rad }
+    }
+
+    fn draw(&mut self, count: usize) -> Tilts {
+        if self.rms == 0.0 {
+            return vec![[0.0; 2]; count];
+        }
+        let mut one = || -> f64 { StandardNormal.sample(&mut self.random) };
+        (0..count).map(|_| [0; 2].map(|_| self.rms * one())).collect()
+    }
+}

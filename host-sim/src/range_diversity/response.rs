@@ -1,0 +1,194 @@
+//! What a star and both gates see of a wave exp(i k.x) in a layer at height h, in tips and tilts of the segments.
+//!
+//! The mean gradient over a square of side a around y is i k S_a(k) exp(i k.y), S_a the product of
+//! sinc(k_x a / 2) and sinc(k_y a / 2), sinc u = sin u / u. With b = 1 - h/H, b_z = 1 - h/z (0 above z) and
+//! P(k) = (1/n) sum_j exp(i k.x_j), the mean over all subapertures j,
+//!
+//! star:        (d/2) i k S_d(k) exp(i k.x_i)
+//! gate at H:   (d/2) i k b S_bd(k) [exp(i k.x_i) - P(b k) exp(i (1-b) k.x_i)]
+//! gate at z:   (d/2) i k b_z [S_bd(k) exp(i k.x_i) - S_(b_z d)(k) P(b_z k) exp(i (1-b_z) k.x_i)]
+//!
+//! and the best fit of piston and tips to the star's phase, with j(u) = (sin u - u cos u) / u^2, has the piston
+//! S_d(k) exp(i k.x_i) and the tip 3 i j(k_x d/2) sinc(k_y d/2) exp(i k.x_i).
+//!
+//! The mean gradient over the pupil is the mean of those over its subapertures: on the way back from spot i, their
+//! squares at the layer have sides b d and centres b x_j + (1-b) x_i. The factor i is left out everywhere.
+//!
+//! Lengths are in units of half the grid's side.
+
+use super::waves::Wave;
+use crate::pupil::Pupil;
+use nalgebra::DMatrix;
+
+/// A layer's place below both gates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arms {
+    /// Share of the turbulence.
+    pub weight: f64,
+    /// b = 1 - h/H.
+    pub focus: f64,
+    /// b_z = 1 - h/z, 0 for a layer above the second gate.
+    pub gate: f64,
+}
+
+/// Subapertures in units of half the grid's side.
+#[derive(Clone, Debug)]
+pub struct Response {
+    across: usize,
+    cells: Vec<[usize; 2]>,
+}
+
+/// Responses to some waves, each multiplied by the root of its weight: two columns a wave, real and imaginary part;
+/// rows are tip and tilt of the first segment, of the second, and so on, rad from centre to edge for D / r0 = 1. The
+/// mean over the segments is taken off slopes.
+#[derive(Clone, Debug)]
+pub struct Responses {
+    /// Mean gradient of the star's phase over each subaperture.
+    pub star: DMatrix<f64>,
+    /// Tips and tilts of the best fit to the star's phase; their mean is not off.
+    pub fit: DMatrix<f64>,
+    /// Its pistons, a row a segment.
+    pub pistons: DMatrix<f64>,
+    /// Slopes of the gate at H.
+    pub first: DMatrix<f64>,
+    /// Slopes of the gate at z.
+    pub second: DMatrix<f64>,
+}
+
+impl Response {
+    /// That of the subapertures of `pupil`.
+    pub fn new(pupil: &Pupil) -> Self {
+        Self { across: pupil.across(), cells: pupil.subapertures().to_vec() }
+    }
+
+    /// The longest distance of two points of the pupil, at most.
+    pub fn longest(&self) -> f64 {
+        let half_pitch = 1.0 / self.across as f64;
+        let distance = |cell: &[usize; 2]| {
+            let [x, y] = cell.map(|index| self.centre(index).abs() + half_pitch);
+            x.hypot(y)
+        };
+        2.0 * self.cells.iter().map(distance).fold(0.0, f64::max)
+    }
+
+    fn centre(&self, index: usize) -> f64 {
+        (2.0 * index as f64 + 1.0) / self.across as f64 - 1.0
+    }
+
+    /// What is seen of `waves` in the layer at `arms`.
+    pub fn to(&self, waves: &[Wave], arms: Arms) -> Responses {
+        let empty = || DMatrix::zeros(2 * self.cells.len(), 2 * waves.len());
+        let mut all = Responses {
+            star: empty(),
+            fit: empty(),
+            pistons: DMatrix::zeros(self.cells.len(), 2 * waves.len()),
+            first: empty(),
+            second: empty(),
+        };
+        let Arms { weight, focus, gate } = arms;
+        let (pitch, count) = (2.0 / self.across as f64, self.cells.len() as f64);
+        for (column, wave) in waves.iter().enumerate() {
+            let [kx, ky] = wave.vector;
+            let square = |side: f64| sinc(0.5 * kx * side) * sinc(0.5 * ky * side);
+            let root = (weight * wave.weight).sqrt();
+            let scale = 0.5 * pitch * root;
+            let half = [0.5 * kx * pitch, 0.5 * ky * pitch];
+            let tips = [fitted_tip(half[0]) * sinc(half[1]), sinc(half[0]) * fitted_tip(half[1])];
+            // The mean over the pupil on the way back, of a wave that is b times as long there.
+            let back = |arm: f64| {
+                let sum = self.cells.iter().fold([0.0; 2], {
+                    let grid = self.grid(wave, arm);
+                    move |sum, &cell| add(sum, grid.at(cell))
+                });
+                sum.map(|sum| sum / count * arm * square(arm * pitch))
+            };
+            let (back_first, back_second) = (back(focus), back(gate));
+            let here = self.grid(wave, 1.0);
+            let (from_first, from_second) =
+                (self.grid(wave, 1.0 - focus), self.grid(wave, 1.0 - gate));
+            let (star, beam) = (square(pitch), square(focus * pitch));
+            for (segment, &cell) in self.cells.iter().enumerate() {
+                let own = here.at(cell);
+                let seen = |arm: f64, back: [f64; 2], from: &Grid| {
+                    let back = times(back, from.at(cell));
+                    [0, 1].map(|part| arm * beam * own[part] - back[part])
+                };
+                let values = [
+                    (&mut all.star, own.map(|part| star * part)),
+                    (&mut all.first, seen(focus, back_first, &from_first)),
+                    (&mut all.second, seen(gate, back_second, &from_second)),
+                ];
+                // What is left out is a factor i: exp(i k.x) without it is -i exp(i k.x).
+                all.pistons[(segment, 2 * column)] = root * star * own[1];
+                all.pistons[(segment, 2 * column + 1)] = -root * star * own[0];
+                for axis in 0..2 {
+                    for part in 0..2 {
+                        all.fit[(2 * segment + axis, 2 * column + part)] =
+                            root * tips[axis] * own[part];
+                    }
+                }
+                for (matrix, value) in values {
+                    for (axis, k) in [kx, ky].into_iter().enumerate() {
+                        for (part, value) in value.into_iter().enumerate() {
+                            matrix[(2 * segment + axis, 2 * column + part)] = scale * k * value;
+                        }
+                    }
+                }
+            }
+        }
+        for matrix in [&mut all.star, &mut all.first, &mut all.second] {
+            remove_mean(matrix);
+        }
+        all
+    }
+
+    /// exp(i s k.x) at the centres of the grid.
+    fn grid(&self, wave: &Wave, scale: f64) -> Grid {
+        let line = |k: f64| {
+            let at = |index| {
+                let (sin, cos) = (scale * k * self.centre(index)).sin_cos();
+                [cos, sin]
+            };
+            (0..self.across).map(at).collect()
+        };
+        Grid(wave.vector.map(line))
+    }
+}
+
+/// exp(i k.x) along each axis.
+struct Grid([Vec<[f64; 2]>; 2]);
+
+impl Grid {
+    fn at(&self, [x, y]: [usize; 2]) -> [f64; 2] {
+        times(self.0[0][x], self.0[1][y])
+    }
+}
+
+fn times(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
+}
+
+fn add(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0] + b[0], a[1] + b[1]]
+}
+
+/// 3 (sin u - u cos u) / u^2: the tip, from centre to edge, of the line that fits sin(u x) best for |x| < 1.
+fn fitted_tip(u: f64) -> f64 {
+    // The series where the difference would lose digits.
+    if u.abs() < 1e-2 { u * (1.0 - u * u / 10.0) } else { 3.0 * (u.sin() - u * u.cos()) / (u * u) }
+}
+
+fn sinc(u: f64) -> f64 {
+    if u == 0.0 { 1.0 } else { u.sin() / u }
+}
+
+/// Takes the mean over the segments off, axis by axis.
+pub(super) fn remove_mean(slopes: &mut DMatrix<f64>) {
+    let segments = slopes.nrows() as f64 / 2.0;
+    for mut column in slopes.column_iter_mut() {
+        for axis in 0..2 {
+            let mean = column.iter().skip(axis).step_by(2).sum::<f64>() / segments;
+            column.iter_mut().skip(axis).step_by(2).for_each(|slope| *slope -= mean);
+        }
+    }
+}
