@@ -25,7 +25,7 @@ use std::sync::Arc;
 pub enum Sensing {
     /// Images through the optics and the detector, centroids by the firmware.
     Images,
-    /// Exact phase gradients in place of images and centroids.
+    /// Exact phase gradients in place of images and centroids, of both gates if there are two.
     Geometric,
 }
 
@@ -80,6 +80,7 @@ enum Eye {
     /// `flux` is what each measurement claims.
     Gradients {
         sensor: Box<GeometricSensor>,
+        second: Option<Box<GeometricSensor>>,
         centroids: Vec<[f64; 2]>,
         flux: u32,
     },
@@ -132,13 +133,26 @@ impl<'a> ClosedLoop<'a> {
         let height_m = instrument.laser.beacon_height_m;
         let scale = instrument.windows.pixels_per_lambda_d;
         let spots = pupil.subapertures().len();
+        let two_gates = reconstructor.law().is_some();
+        if two_gates && run.sensor != Sensor::Splash {
+            let limit = "0 with a guide star, whose light comes from one height";
+            return Err(refuse("second_gate.height_m", instrument.second_gate.height_m, limit));
+        }
+        let sensor = || GeometricSensor::new(run.sensor, &pupil, &atmosphere, height_m, scale);
         let eye = match run.sensing {
+            Sensing::Images if two_gates => {
+                let limit = "0 with --sensing images, which has one gate";
+                return Err(refuse("second_gate.height_m", instrument.second_gate.height_m, limit));
+            }
             Sensing::Images => Eye::Images(
                 Imager::new(instrument, reconstructor, run.sensor, &pupil, &atmosphere)?.into(),
             ),
             Sensing::Geometric => Eye::Gradients {
-                sensor: GeometricSensor::new(run.sensor, &pupil, &atmosphere, height_m, scale)?
-                    .into(),
+                sensor: sensor()?.into(),
+                second: match two_gates {
+                    true => Some(sensor()?.with_gate(instrument.second_gate.height_m)?.into()),
+                    false => None,
+                },
                 centroids: vec![[0.0; 2]; spots],
                 flux: reconstructor.nominal_flux(),
             },
@@ -183,11 +197,13 @@ impl<'a> ClosedLoop<'a> {
                     rayon::join(star, || imager.expose(atmosphere, time_s, mirror, noise));
                 (observation, board.frame(frame, Frame::Pixels(pixels?))?)
             }
-            Eye::Gradients { sensor, centroids, flux } => {
+            Eye::Gradients { sensor, second, centroids, flux } => {
                 let observation = star();
-                sensor.centroids(atmosphere, time_s, mirror, centroids);
-                let measurements: Vec<Measurement> =
-                    centroids.iter().map(|c| measurement(*c, *flux)).collect();
+                let mut measurements: Vec<Measurement> = Vec::new();
+                for gate in [Some(sensor), second.as_mut()].into_iter().flatten() {
+                    gate.centroids(atmosphere, time_s, mirror, centroids);
+                    measurements.extend(centroids.iter().map(|c| measurement(*c, *flux)));
+                }
                 (observation, board.frame(frame, Frame::Measurements(&measurements))?)
             }
         };

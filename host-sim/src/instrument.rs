@@ -421,6 +421,11 @@ impl Instrument {
         Ok(self.mask()?.cells().map(|(x, y)| [place(x), place(y)]).collect())
     }
 
+    /// Whether spots are imaged at a second height, and something is made of it.
+    pub fn has_second_gate(&self) -> bool {
+        self.second_gate.height_m > 0.0 && self.second_gate.modes > 0
+    }
+
     /// Pixels on a side of the detector.
     pub fn detector_side(&self) -> usize {
         self.telescope.subapertures.saturating_mul(self.windows.spacing_px)

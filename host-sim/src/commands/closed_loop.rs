@@ -55,6 +55,7 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
         }
         Sensing::Geometric => reconstructor,
     };
+    let reconstructor = progress::combine_gates(reconstructor)?;
     let options = args.patience.options(false);
     let mut board = args.board.open(&reconstructor.spec(), options)?;
     let run = Run {

@@ -77,7 +77,8 @@ pub struct Design {
     pub modes: Modes,
     /// B, M x 2M.
     pub coupling: DMatrix<f64>,
-    /// Variance of the star's phase that is expected beyond the fitting error, rad^2, piston, tip and tilt removed.
+    /// Variance of the star's phase that is expected beyond the fitting error, rad^2 at the laser's wavelength, piston,
+    /// tip and tilt removed.
     pub residual_rad2: f64,
     /// The same for f = 1 and no B.
     pub null_seeking_rad2: f64,

@@ -8,11 +8,11 @@
 //! gate at H:   (d/2) i k b S_bd(k) [exp(i k.x_i) - P(b k) exp(i (1-b) k.x_i)]
 //! gate at z:   (d/2) i k b_z [S_bd(k) exp(i k.x_i) - S_(b_z d)(k) P(b_z k) exp(i (1-b_z) k.x_i)]
 //!
-//! and the best fit of piston and tips to the star's phase, with j(u) = (sin u - u cos u) / u^2, has the piston
-//! S_d(k) exp(i k.x_i) and the tip 3 i j(k_x d/2) sinc(k_y d/2) exp(i k.x_i).
+//! The mean gradient over the pupil, on the way back, is the mean of those over its subapertures: from spot i, their
+//! squares at the layer have sides b d and centres b x_j + (1-b) x_i, with b_z in place of b for the gate at z.
 //!
-//! The mean gradient over the pupil is the mean of those over its subapertures: on the way back from spot i, their
-//! squares at the layer have sides b d and centres b x_j + (1-b) x_i. The factor i is left out everywhere.
+//! The best fit of piston, tip and tilt to the star's phase has, with j(u) = (sin u - u cos u) / u^2, the piston
+//! S_d(k) exp(i k.x_i) and the tip 3 i j(k_x d/2) sinc(k_y d/2) exp(i k.x_i). A factor i is left out everywhere.
 //!
 //! Lengths are in units of half the grid's side.
 
