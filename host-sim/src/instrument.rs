@@ -561,6 +561,11 @@ impl Instrument {
         self
     }
 
+    /// Whether spots are imaged at a second height, and something is made of it.
+    pub fn has_second_gate(&self) -> bool {
+        self.second_gate.height_m > 0.0 && self.second_gate.modes > 0
+    }
+
     /// Time from one frame to the next, s.
     pub fn frame_s(&self) -> f64 {
         f64::from(self.laser.pulses_per_frame) / self.laser.pulse_rate_hz
