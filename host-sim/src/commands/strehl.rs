@@ -73,7 +73,7 @@ pub fn run(args: &StrehlArgs) -> Result<(), Error> {
 
 /// What the arguments ask for.
 fn settings(args: &StrehlArgs) -> Result<Settings, Error> {
-    let mut description = Instrument::described(args.config.as_deref())?;
+    let mut description = Instrument::described(args.config.as_deref())?.of_one_gate()?;
     let moving = args.wind.is_some();
     let pitch_m_per_s = description.telescope.pitch_m / description.frame_s();
     let speed = match args.wind {
