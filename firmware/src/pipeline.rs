@@ -661,14 +661,12 @@ impl<const M: usize, const K: usize> Sink for Windows<'_, M, K> {
         if self.special.is_some() {
             return self.take_special(i, measurement);
         }
-        let Some(node) = self.nodes.get(i) else {
+        let (Some(calibration), Some(node), Some(place)) =
+            (self.calibration.get(i), self.nodes.get(i), self.slopes.get_mut(i))
+        else {
             if K > 0 {
                 self.take_second(i, measurement);
             }
-            return;
-        };
-        let (Some(calibration), Some(place)) = (self.calibration.get(i), self.slopes.get_mut(i))
-        else {
             return;
         };
         let slope = slopes::slope(calibration, self.scale, measurement);
@@ -683,15 +681,12 @@ impl<const M: usize, const K: usize> Windows<'_, M, K> {
     #[cold]
     #[inline(never)]
     fn take_special(&mut self, i: usize, measurement: &Measurement) {
-        let Some(node) = self.nodes.get(i) else {
+        let (Some(special), Some(calibration), Some(node), Some(place)) =
+            (&self.special, self.calibration.get(i), self.nodes.get(i), self.slopes.get_mut(i))
+        else {
             if K > 0 {
                 self.take_second(i, measurement);
             }
-            return;
-        };
-        let (Some(special), Some(calibration), Some(place)) =
-            (&self.special, self.calibration.get(i), self.slopes.get_mut(i))
-        else {
             return;
         };
         if !special.lights(i) {
