@@ -176,7 +176,9 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         self.phase = Phase::Reading;
         self.readout.begin();
         self.control.begin();
-        self.modal.begin();
+        if K > 0 {
+            self.modal.begin();
+        }
         self.saturated_pixels = 0;
     }
 
@@ -465,7 +467,9 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
             self.retain(config);
         }
         self.readout.commit(config);
-        self.windows = config.windows();
+        if K > 0 {
+            self.windows = config.windows();
+        }
         report.valid = self.control.valid() as u16;
         report.saturated_pixels = self.saturated_pixels;
         (report.valid == 0).then_some(Hold::NoLight)
