@@ -296,13 +296,15 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             Parameter::Gradients { index } => {
                 let i = usize::from(index);
                 self.second_window(i).ok_or(place(i, self.second_entries()))?;
-                let values = self.modal.of(i).iter().copied().collect();
+                // There is room for every mode.
+                let values = heapless::Vec::from_slice(self.modal.of(i)).unwrap_or_default();
                 Adjustment::Gradients { index, values }
             }
             Parameter::Coupling { row } => {
                 let k = usize::from(row);
                 let values = self.modal.rows().nth(k).ok_or(place(k, self.modes()))?;
-                Adjustment::Coupling { row, values: values.iter().copied().collect() }
+                let values = heapless::Vec::from_slice(values).unwrap_or_default();
+                Adjustment::Coupling { row, values }
             }
         })
     }

@@ -20,20 +20,22 @@
 //! 1 - g whatever B is.
 //!
 //! **What is invalid.** A subaperture whose first gate is invalid is in neither a nor b, and takes
-//! its neighbours' mean of x, as without modes. Where the second is invalid d counts as its mean:
-//! that gate is taken to see what the first sees, in the mean over the pupil, and nothing
-//! else changes: without any of them the modes fall back to [B1 + B2]. Since both means are
-//! over the valid alone, what an invalid one leaves of a uniform tilt in a mode is taken off with
-//! the sum of q over the valid. An invalid second gate is no reason to hold a frame.
+//! its neighbours' mean of x, as without modes. Where only the second is invalid, d counts as its mean:
+//! the second gate is taken to see there what the first sees. (To leave out x2 alone would leave B1 x1,
+//! in which nothing cancels.) Both means are over the valid, and taken off with the sum of q
+//! over the valid, so that no mode has a part of a uniform tilt whoever is missing. Without any of the
+//! second gate's the law is f x1 + q (B1 + B2) q^T x1; it is no reason to hold a frame.
 //!
 //! **Time.** a and b are summed as windows end: each of the second gate comes after its
-//! subaperture's first. 2 M^2 + 2 n M multiplications are left when the last has ended.
+//! subaperture's first. 2 M^2 + 2 n M multiplications are left when the last has ended. No time depends
+//! on what is valid. All of it is left out where `K` is 0.
 //!
 //! **Formats.** q: i16 under one binary exponent, the largest with 15 bits; C: Q12 within +-64. With x1
 //! within 3 x 2^23 and d within 2^24, the sum over 2 x 1600 products is below 2^52, less the mean's part
 //! below 2^53. a and b are rounded once, to an ulp; C [a; b] sums 50 products below 2^48, and q of
 //! it 25 below 2^45, each rounded once to an ulp. a, b, C [a; b] and the correction saturate at +-2^30, x
-//! at 3 x 2^23, the range of x1. The means have the floor of 2^24 / count, low by less than 1e-4 of themselves.
+//! at 3 x 2^23, the range of x1. The means have the floor of 2^24 / count, low by less than 1e-4 of
+//! themselves.
 
 use crate::control::{Control, mean, reciprocal};
 use crate::error::{ConfigError, Field, Limit};

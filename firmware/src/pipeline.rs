@@ -176,7 +176,9 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         self.phase = Phase::Reading;
         self.readout.begin();
         self.control.begin();
-        self.modal.begin();
+        if K > 0 {
+            self.modal.begin();
+        }
         self.saturated_pixels = 0;
     }
 
@@ -465,7 +467,9 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
             self.retain(config);
         }
         self.readout.commit(config);
-        self.windows = config.windows();
+        if K > 0 {
+            self.windows = config.windows();
+        }
         report.valid = self.control.valid() as u16;
         report.saturated_pixels = self.saturated_pixels;
         (report.valid == 0).then_some(Hold::NoLight)
@@ -661,14 +665,12 @@ impl<const M: usize, const K: usize> Sink for Windows<'_, M, K> {
         if self.special.is_some() {
             return self.take_special(i, measurement);
         }
-        let Some(node) = self.nodes.get(i) else {
+        let (Some(calibration), Some(node), Some(place)) =
+            (self.calibration.get(i), self.nodes.get(i), self.slopes.get_mut(i))
+        else {
             if K > 0 {
                 self.take_second(i, measurement);
             }
-            return;
-        };
-        let (Some(calibration), Some(place)) = (self.calibration.get(i), self.slopes.get_mut(i))
-        else {
             return;
         };
         let slope = slopes::slope(calibration, self.scale, measurement);
@@ -683,15 +685,12 @@ impl<const M: usize, const K: usize> Windows<'_, M, K> {
     #[cold]
     #[inline(never)]
     fn take_special(&mut self, i: usize, measurement: &Measurement) {
-        let Some(node) = self.nodes.get(i) else {
+        let (Some(special), Some(calibration), Some(node), Some(place)) =
+            (&self.special, self.calibration.get(i), self.nodes.get(i), self.slopes.get_mut(i))
+        else {
             if K > 0 {
                 self.take_second(i, measurement);
             }
-            return;
-        };
-        let (Some(special), Some(calibration), Some(place)) =
-            (&self.special, self.calibration.get(i), self.slopes.get_mut(i))
-        else {
             return;
         };
         if !special.lights(i) {

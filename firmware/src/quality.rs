@@ -9,7 +9,8 @@
 //! saturation   saturated pixels                    above `saturated_pixels_max`
 //! ```
 //!
-//! Fluxes are u32 in calibrated units; their sum over at most 1600 windows is below 2^43.
+//! Fluxes are u32 in calibrated units; their sum over at most 1600 windows is below 2^43. A
+//! [second gate](crate::modal) does not count: without it there still is a frame to follow.
 
 use crate::centroid::Measurement;
 use crate::fault::Fault;

@@ -474,8 +474,8 @@ pub enum WindowsName {
 ///
 /// One gate with the paper's null-seeking law and with the best number f, two gates combined in 12 and 25 modes,
 /// laser and natural guide star and the best fit, under the same screens, with exact gradients in loops of double
-/// precision. The combination is made for the description's layers, or for those of its [second_gate]; the second
-/// gate is at half the beacon's height unless the description has one. `expected` is the residual variance beyond the
+/// precision. The combination is made for the description's layers, or for those of its second gate, which
+/// is at half the beacon's height unless the description has one. `expected` is the residual variance beyond the
 /// fitting error by theory; the rest is measured, with its standard error in brackets.
 #[derive(Clone, Debug, Args)]
 pub struct GatesArgs {

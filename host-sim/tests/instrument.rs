@@ -103,6 +103,7 @@ fn written_and_read_again_it_is_the_same() {
         "",
         "[telescope]\nsubapertures = 4\npupil = [\"####\", \"#..#\", \"#..#\", \"####\"]",
         "[telescope]\npupil = \"annulus\"\nobstruction = 0.30000000000000004",
+        "[second_gate]\nheight_m = 6000.0\nlayers = [{ weight = 0.3, height_m = 1.0 }]",
         "[detector]\nbad_pixels = [{ x = 3, y = 7, kind = \"hot\" }]\n\
          [centroids]\nestimator = \"weighted\"\nthreshold = \"zero-below\"\n\
          [mirror]\nresponse = \"linear\"",
@@ -120,6 +121,7 @@ const WRONG_COUNTS: [(&str, &[u32]); 17] = [
     ("telescope.samples", &[0, 1, 33]),
     ("laser.slices", &[65]),
     ("laser.pulses_per_frame", &[0, 1_000_001]),
+    ("second_gate.modes", &[1, 11, 13, 26]),
     ("detector.bits", &[0, 7, 17]),
     ("windows.size", &[0, 3, 33]),
     ("windows.spacing_px", &[0, 15, 513]),
@@ -166,6 +168,23 @@ fn every_number_has_limits() {
         }
     }
     assert!(refused > 140, "{refused}");
+}
+
+#[test]
+fn every_number_of_an_expected_layer_has_limits() {
+    for (weight, height, field) in [
+        ("0.0", "0.0", "weight"),
+        ("nan", "0.0", "weight"),
+        ("1e300", "0.0", "weight"),
+        ("1.0", "-1.0", "height_m"),
+        // Not below the beacon.
+        ("1.0", "12000.0", "height_m"),
+    ] {
+        let layer = format!("{{ weight = {weight}, height_m = {height} }}");
+        let error = parse(&format!("[second_gate]\nlayers = [{layer}]")).check().unwrap_err();
+        let start = format!("second_gate.layers[0].{field} = ");
+        assert!(error.to_string().starts_with(&start), "{layer}: {error}");
+    }
 }
 
 #[test]

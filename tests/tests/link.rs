@@ -18,6 +18,7 @@ use splash_firmware::link::{
     Stack, Status, VERSION, WIRE, encode,
 };
 use splash_firmware::mirror::Serials;
+use splash_firmware::modal::MAX_MODES;
 use splash_firmware::mode::{self, Mode, Refusal, Transition};
 use splash_firmware::pipeline::{GlobalTilt, Hold, Outcome, Report, RowError, Totals};
 use splash_firmware::segments::Position;
@@ -113,7 +114,7 @@ const FAULT: Fault = Fault::TotalFlux { flux: u64::MAX, limit: u64::MAX };
 const NOW: Moment = Moment { frame: u32::MAX, ticks: u64::MAX };
 const CALIBRATION: Calibration =
     Calibration { fingerprint: u32::MAX, steps: u8::MAX, quality_q16: u16::MAX };
-const PARAMETERS: [Parameter; 7] = [
+const PARAMETERS: [Parameter; 10] = [
     Parameter::Head,
     Parameter::Subaperture { index: u16::MAX },
     Parameter::Template { phase: u8::MAX },
@@ -121,6 +122,9 @@ const PARAMETERS: [Parameter; 7] = [
     Parameter::Losses { first: u32::MAX },
     Parameter::Thresholds { first: u32::MAX },
     Parameter::Calibration,
+    Parameter::SecondGate { index: u16::MAX },
+    Parameter::Gradients { index: u16::MAX },
+    Parameter::Coupling { row: u8::MAX },
 ];
 
 /// Those of a configuration, and lists as long as they get.
@@ -136,6 +140,15 @@ fn adjustments() -> Vec<Adjustment> {
         Adjustment::Thresholds { first: u32::MAX, values: [255; 64].into_iter().collect() },
         Adjustment::Calibration(None),
         Adjustment::Calibration(Some(CALIBRATION)),
+        Adjustment::Gradients {
+            index: u16::MAX,
+            values: [[i16::MIN; 2]; MAX_MODES].into_iter().collect(),
+        },
+        // C is within +-64, Q12.
+        Adjustment::Coupling {
+            row: u8::MAX,
+            values: [[-(64 << 12); 2]; MAX_MODES].into_iter().collect(),
+        },
     ];
     if let Some(Adjustment::Subaperture { index, entry }) = adjustments.get_mut(1) {
         *index = u16::MAX;

@@ -6,8 +6,8 @@
 //! sees as theta (1 - h/z); a layer above z has not moved it yet. The light comes back from (x_i, z) to the whole
 //! pupil, so that
 //!
-//! up: (1 - h/z) <grad phi_h> over that square,
-//! back: (1 - h/z) <grad phi_h((1 - h/z) x + (h/z) x_i)>, the mean over the pupil.
+//! up: (1 - h/z) mean of grad phi_h over that square,
+//! back: mean over the pupil of grad phi_h((1 - h/z) x + (h/z) x_i), the gradient in x.
 //!
 //! The spot at z is d (1 - z/H) wide; the way back is taken from its centre. The centroid of the light that the
 //! beam has left there moves as its mean gradient does, in focus or not.

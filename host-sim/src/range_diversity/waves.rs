@@ -3,7 +3,7 @@
 //! A layer's phase has the power spectrum W(k) = A/(4 pi^2) k^(-11/3), so that two linear functionals of it, a and b,
 //! have the covariance
 //!
-//! <a b> = int W(k) Re[a(k) b(k)*] d^2k = sum over waves of w Re[a(k) b(k)*],
+//! cov(a, b) = int W(k) Re[a(k) b(k)*] d^2k = sum over waves of w Re[a(k) b(k)*],
 //!
 //! where a(k) is what the functional makes of exp(i k.x). Every way to look at a layer is a product of few such
 //! factors, however many squares it goes through, and a matrix that is summed up in this way is a covariance: no

@@ -8,6 +8,9 @@ fn main() {
         println!("cargo:rustc-link-arg-bins=--undefined=probe_{entry}");
     }
     println!("cargo:rustc-link-arg-bin=frame_path=--undefined=PROBE_SIZES");
+    for entry in ["begin", "push_row", "finish"] {
+        println!("cargo:rustc-link-arg-bin=frame_path=--undefined=probe_{entry}_two_gates");
+    }
     for entry in ["large", "recurse"] {
         println!("cargo:rustc-link-arg-bin=guilty=--undefined=probe_{entry}");
     }

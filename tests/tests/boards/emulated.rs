@@ -182,7 +182,7 @@ fn a_geometry_that_does_not_fit_qemu_is_refused() {
         None => {}
         Some(_) => {
             let error = qemu::open(&large.spec(), Options::default()).err().expect("too large");
-            let expected = "board qemu: windows.pixels = 53248: must be from 1 to 16384";
+            let expected = "board qemu: windows.pixels = 53248: must be from 1 to 26624";
             assert_eq!(error.to_string(), expected);
         }
     }

@@ -7,6 +7,7 @@ mod operator;
 mod parameters;
 mod processes;
 mod server;
+mod two_gates;
 
 use host_sim::board::remote::Remote;
 use host_sim::board::{Board, BoardError, Frame, in_process};

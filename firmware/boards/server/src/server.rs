@@ -183,7 +183,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize, const R: us
         let mut out = Outbox { port, sequence: request.sequence };
         match request.body {
             Request::Identify => {
-                out.send(Response::Identity(identity::<M, P, B, K>(self.board)))?
+                out.send(Response::Identity(identity::<M, P, B, K>(self.board)))?;
             }
             Request::Load { bytes } => {
                 let mut pieces = Pieces::new(out.port, receiver, bytes);

@@ -106,6 +106,7 @@ pub(super) const SUBJECTS: &[Subject] = &[
     subject(
         Instrument {
             second: Some(Second { modes: 12, beside: true }),
+            window: 4,
             ..eight("n8-two-gates-12", THRESHOLDED)
         },
         &[NOISY, DEAD, EVENTS, MEASURED, ANY],
@@ -113,6 +114,7 @@ pub(super) const SUBJECTS: &[Subject] = &[
     subject(
         Instrument {
             second: Some(Second { modes: 25, beside: false }),
+            window: 4,
             delay_frames: 1,
             ..eight("n8-two-gates-25", WEIGHTED)
         },
@@ -125,7 +127,7 @@ pub(super) const SUBJECTS: &[Subject] = &[
             across: 16,
             ..four("n16-two-gates-12", THRESHOLDED)
         },
-        &[DEAD],
+        &[ANY],
     ),
     subject(
         Instrument {
@@ -134,6 +136,6 @@ pub(super) const SUBJECTS: &[Subject] = &[
             across: 16,
             ..four("n16-two-gates-25", PLAIN)
         },
-        &[NOISY, DEAD, ANY],
+        &[DEAD, ANY],
     ),
 ];
