@@ -289,6 +289,9 @@ impl<const M: usize, const K: usize> ModalConfig<M, K> {
     }
 
     /// That for modes whose gradients at a subaperture are `gradients`.
+    ///
+    /// Not inlined: K^2 products are much to have on the stack of whatever goes on.
+    #[inline(never)]
     pub(crate) fn check_modes(
         count: usize,
         head: ModalHead,

@@ -706,6 +706,9 @@ impl<const M: usize, const K: usize> Windows<'_, M, K> {
     }
 
     /// [`Sink::take`] of a window of the second gate, whose subaperture's first has ended.
+    ///
+    /// Cold, so that one gate alone pays nothing for it.
+    #[cold]
     #[inline(never)]
     fn take_second(&mut self, i: usize, measurement: &Measurement) {
         let (Some((config, modal)), Some(calibration)) = (&mut self.gates, self.calibration.get(i))

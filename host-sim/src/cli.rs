@@ -17,6 +17,7 @@ use crate::theory::{Layer, PupilRule, Reconstruction};
 use clap::builder::RangedI64ValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
 use splash_firmware::geometry::{MAX_ACROSS, MIN_ACROSS};
+use splash_firmware::modal::MAX_MODES;
 use splash_firmware::spec::Spec;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -210,6 +211,14 @@ pub struct ProfileArgs {
     /// Relaxation sweeps per frame [default: the description's, or N/2]
     #[arg(long, value_name = "SWEEPS", allow_negative_numbers = true)]
     pub(crate) sweeps: Option<u16>,
+    /// Modes of a second gate, 1 to 25, on as many rows again below the first [default: one gate]
+    #[arg(
+        long,
+        value_name = "MODES",
+        value_parser = value_parser!(u8).range(1..=MAX_MODES as i64),
+        allow_negative_numbers = true
+    )]
+    pub(crate) modes: Option<u8>,
     /// Centroid estimator [default: the description's, thresholded]
     #[arg(long, value_enum)]
     pub(crate) estimator: Option<EstimatorName>,

@@ -27,7 +27,7 @@ use std::sync::Arc;
 pub enum Sensing {
     /// Images through the optics and the detector, centroids by the firmware.
     Images,
-    /// Exact phase gradients in place of images and centroids.
+    /// Exact phase gradients in place of images and centroids, of both gates if there are two.
     Geometric,
 }
 
@@ -96,6 +96,7 @@ enum Eye {
     Images(Box<Imager>),
     Gradients {
         sensor: Box<GeometricSensor>,
+        second: Option<Box<GeometricSensor>>,
         centroids: Vec<[f64; 2]>,
         lighting: Lighting,
         /// What the measurement of each lit spot claims.
@@ -150,14 +151,29 @@ impl<'a> ClosedLoop<'a> {
         let height_m = instrument.laser.beacon_height_m;
         let scale = instrument.windows.pixels_per_lambda_d;
         let spots = pupil.subapertures().len();
+        let two_gates = reconstructor.law().is_some();
+        if two_gates && run.sensor != Sensor::Splash {
+            let limit = "0 with a guide star, whose light comes from one height";
+            return Err(refuse("second_gate.height_m", instrument.second_gate.height_m, limit));
+        }
+        let sensor = || {
+            let sensor = GeometricSensor::new(run.sensor, &pupil, &atmosphere, height_m, scale)?;
+            Ok::<_, Error>(sensor.with_launch(instrument.launch()))
+        };
         let eye = match run.sensing {
+            Sensing::Images if two_gates => {
+                let limit = "0 with --sensing images, which has one gate";
+                return Err(refuse("second_gate.height_m", instrument.second_gate.height_m, limit));
+            }
             Sensing::Images => Eye::Images(
                 Imager::new(instrument, reconstructor, run.sensor, &pupil, &atmosphere)?.into(),
             ),
             Sensing::Geometric => Eye::Gradients {
-                sensor: GeometricSensor::new(run.sensor, &pupil, &atmosphere, height_m, scale)?
-                    .with_launch(instrument.launch())
-                    .into(),
+                sensor: sensor()?.into(),
+                second: match two_gates {
+                    true => Some(sensor()?.with_gate(instrument.second_gate.height_m)?.into()),
+                    false => None,
+                },
                 centroids: vec![[0.0; 2]; spots],
                 lighting: reconstructor.lighting().clone(),
                 fluxes: reconstructor.nominal_fluxes(),
@@ -204,12 +220,15 @@ impl<'a> ClosedLoop<'a> {
                     rayon::join(star, || imager.expose(atmosphere, time_s, mirror, noise));
                 (observation, board.frame(frame, Frame::Pixels(pixels?))?)
             }
-            Eye::Gradients { sensor, centroids, lighting, fluxes } => {
+            Eye::Gradients { sensor, second, centroids, lighting, fluxes } => {
                 let observation = star();
-                sensor.centroids(atmosphere, time_s, mirror, centroids);
-                let flux = |i| if lighting.lights(frame, i) { fluxes[i] } else { 0 };
-                let measurements: Vec<Measurement> =
-                    centroids.iter().enumerate().map(|(i, c)| measurement(*c, flux(i))).collect();
+                let mut measurements: Vec<Measurement> = Vec::new();
+                for gate in [Some(sensor), second.as_mut()].into_iter().flatten() {
+                    gate.centroids(atmosphere, time_s, mirror, centroids);
+                    let flux = |i| if lighting.lights(frame, i) { fluxes[i] } else { 0 };
+                    let measured = centroids.iter().enumerate();
+                    measurements.extend(measured.map(|(i, c)| measurement(*c, flux(i))));
+                }
                 (observation, board.frame(frame, Frame::Measurements(&measurements))?)
             }
         };

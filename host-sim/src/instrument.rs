@@ -561,6 +561,25 @@ impl Instrument {
         self
     }
 
+    /// The same instrument, for what has one gate.
+    ///
+    /// # Errors
+    /// [`Error::Config`] if it has a second one.
+    pub fn of_one_gate(self) -> Result<Self, Error> {
+        match self.has_second_gate() {
+            false => Ok(self),
+            true => {
+                let limit = "0 here; two gates are for host-sim gates and loop --sensing geometric";
+                Err(refuse("second_gate.height_m", self.second_gate.height_m, limit))
+            }
+        }
+    }
+
+    /// Whether spots are imaged at a second height, and something is made of it.
+    pub fn has_second_gate(&self) -> bool {
+        self.second_gate.height_m > 0.0 && self.second_gate.modes > 0
+    }
+
     /// Time from one frame to the next, s.
     pub fn frame_s(&self) -> f64 {
         f64::from(self.laser.pulses_per_frame) / self.laser.pulse_rate_hz

@@ -1,9 +1,11 @@
 //! What frames cost on a board, stage by stage: cycles, instructions or nanoseconds.
 
 mod contents;
+mod second_gate;
 mod sizes;
 
 pub use contents::Content;
+pub use second_gate::SecondGate;
 pub use sizes::Sizes;
 
 use crate::board::{Board, BoardError, Frame};

@@ -4,10 +4,13 @@ use crate::calibration::SlopeCalibration;
 use crate::detector::{Calibration, Detector, DetectorSpec};
 use crate::error::Error;
 use crate::instrument::{
-    Centroids, EstimatorName, Instrument, ResponseName, ShortFrameName, ThresholdName,
+    Centroids, EstimatorName, Instrument, ResponseName, SecondGate as SecondGateSection,
+    ShortFrameName, ThresholdName,
 };
 use crate::lighting::Lighting;
 use crate::optics::geometric::Sensor;
+use crate::range_diversity::design::{Design, Purpose};
+use crate::range_diversity::law::Law as Combination;
 use splash_firmware::actuators::Law;
 use splash_firmware::gate::{GateSpec, ShortFrame};
 use splash_firmware::geometry::Mask;
@@ -15,8 +18,9 @@ use splash_firmware::mirror::Serials;
 use splash_firmware::pixels::Convention;
 use splash_firmware::slopes::MeanSlope;
 use splash_firmware::spec::{
-    ActuatorSpec, Colouring, ControlSpec, DetectorSpec as Readout, Estimator, Map, PixelSpec,
-    SafetySpec, ScheduleSpec, SegmentSpec, SlopeSpec, SorSpec, Spec, WindowSpec, triangle,
+    ActuatorSpec, Colouring, ControlSpec, DetectorSpec as Readout, Estimator, Map, ModalSpec,
+    PixelSpec, SafetySpec, ScheduleSpec, SegmentSpec, SlopeSpec, SorSpec, Spec, WindowSpec,
+    triangle,
 };
 
 /// Largest pixel gain that the firmware takes: what answers less than a quarter is called bad.
@@ -41,6 +45,15 @@ pub struct Reconstructor {
     flux_limits_adu: [Vec<f64>; 2],
     /// The control law's factor: SPLASH's, if the description has it by name.
     lever_arm: f64,
+    second: Option<SecondGate>,
+}
+
+/// The second gate: its windows lie below those of the first, on a detector twice as high.
+#[derive(Clone, Debug)]
+struct SecondGate {
+    law: Combination,
+    origins: Vec<[u16; 2]>,
+    slopes: SlopeCalibration,
 }
 
 /// What is known of each pixel, row-major.
@@ -62,11 +75,16 @@ impl Reconstructor {
     /// # Errors
     /// [`Error::Config`] with field, value and limit of what cannot be.
     pub fn new(instrument: &Instrument) -> Result<Self, Error> {
+        Self::with_detector(instrument, instrument.detector_side())
+    }
+
+    /// With a detector of that height, pixels.
+    fn with_detector(instrument: &Instrument, height: usize) -> Result<Self, Error> {
         let origins = instrument.origins()?;
         let section = &instrument.detector;
         let detector = Detector::new(DetectorSpec {
             width: instrument.detector_side(),
-            height: instrument.detector_side(),
+            height,
             bits: section.bits,
             gain_e_per_adu: section.gain_e_per_adu,
             read_noise_e: section.read_noise_e,
@@ -108,7 +126,37 @@ impl Reconstructor {
             gain: flat.into_iter().map(|flat| 1.0 / f64::from(flat)).collect(),
             noise_adu: sigma_adu.into_iter().map(f64::from).collect(),
             bad,
+            second: None,
         })
+    }
+
+    /// With the second gate of the description, if it has one: designs the combination, for which `progress` is told the
+    /// fraction done. Slopes of the second gate are those of an ideal sensor.
+    ///
+    /// # Errors
+    /// As [`Reconstructor::new`].
+    pub fn with_second_gate(self, progress: &(dyn Fn(f64) + Sync)) -> Result<Self, Error> {
+        let instrument = &self.instrument;
+        if !instrument.has_second_gate() {
+            return Ok(self);
+        }
+        let SecondGateSection { height_m, modes, slope_noise_rad, .. } = instrument.second_gate;
+        let purpose = Purpose::of(instrument, height_m, slope_noise_rad);
+        let design = Design::new(&instrument.pupil()?, &purpose, modes, progress)?;
+        let side = instrument.detector_side();
+        let second = SecondGate {
+            law: Combination::from(&design),
+            // At most 4096 rows: both fit in 16 bits.
+            origins: self.origins.iter().map(|&[x, y]| [x, y + side as u16]).collect(),
+            slopes: SlopeCalibration::ideal(instrument, self.mask.count()),
+        };
+        let taller = Self::with_detector(instrument, 2 * side)?;
+        Ok(Self { slopes: self.slopes, second: Some(second), ..taller })
+    }
+
+    /// The law that combines two gates; `None` for one.
+    pub fn law(&self) -> Option<&Combination> {
+        self.second.as_ref().map(|second| &second.law)
     }
 
     /// The detector.
@@ -166,11 +214,12 @@ impl Reconstructor {
     pub fn spec(&self) -> Spec<'_> {
         let Instrument { laser, detector, windows, centroids, control, mirror, schedule, .. } =
             &self.instrument;
-        let side = self.instrument.detector_side() as u16;
+        let (side, height) =
+            (self.instrument.detector_side() as u16, self.detector.spec().height as u16);
         let (stroke_m, peak_fraction) = (mirror.stroke_m, centroids.peak_fraction);
         Spec {
             mask: self.mask,
-            detector: Readout { width: side, height: side, bits: detector.bits as u8 },
+            detector: Readout { width: side, height, bits: detector.bits as u8 },
             windows: WindowSpec {
                 size: windows.size.min(usize::from(u8::MAX)) as u8,
                 origins: &self.origins,
@@ -208,11 +257,19 @@ impl Reconstructor {
             },
             control: ControlSpec {
                 gain: Map::Uniform(control.gain),
-                lever_arm: self.lever_arm,
+                lever_arm: self.law().map_or(self.lever_arm, |law| law.lever_arm),
                 delay_frames: control.delay_frames,
                 global_tilt_max_age: GLOBAL_TILT_MAX_AGE,
             },
-            modal: None,
+            modal: self.second.as_ref().map(|second| ModalSpec {
+                origins: &second.origins,
+                reference_px: Map::Each(&second.slopes.reference_px),
+                gain_m_per_px: Map::Each(&second.slopes.gain_m_per_px),
+                flux_min_adu: Map::Each(&self.flux_limits_adu[0]),
+                flux_max_adu: Map::Each(&self.flux_limits_adu[1]),
+                modes: &second.law.modes,
+                coupling: &second.law.coupling,
+            }),
             sor: SorSpec {
                 sweeps: (control.sweeps > 0).then_some(control.sweeps),
                 ..SorSpec::default()

@@ -56,48 +56,46 @@ fn contest(
     (all, [scalar, gates])
 }
 
-/// What is left beyond the fit is what theory expects: an error of a sign, of b or of the way back in either changes it
-/// by far more than 5 %. Segments of eight samples fit a little better than continuous ones.
+/// Asserts that what is left beyond the fit is what theory expects. Segments of eight samples fit a little better than
+/// continuous ones.
+fn agree(point: &Point, noise_rad: f64, screens: u32) -> [f64; 2] {
+    let (all, [scalar, gates]) = contest(point, noise_rad, 12, screens);
+    let expected = [scalar.null_seeking_rad2, scalar.residual_rad2, gates.residual_rad2];
+    for (law, expected) in expected.into_iter().enumerate() {
+        let Mean { mean, standard_error } = Mean::of_differences(&all[law], &all[3]);
+        let n = point.n();
+        println!("N = {n}, {noise_rad} rad, {law}: {mean:.4}({standard_error:.4}), {expected:.4}");
+        let allowed = 3.0 * standard_error + 0.05 * expected;
+        assert!((mean - expected).abs() < allowed, "N = {n}, law {law}: {mean}, not {expected}");
+    }
+    [scalar.null_seeking_rad2, gates.residual_rad2]
+}
+
+/// An error of a sign, of b or of the way back, in theory or in the sensor, is far more than 5 %.
 #[test]
 fn theory_and_screens_agree() {
-    for (noise_rad, seeds) in [(0.0, 120), (1.0, 60)] {
-        let (all, [scalar, gates]) = contest(&point(8, 3_000.0, 0.4), noise_rad, 12, seeds);
-        let expected = [scalar.null_seeking_rad2, scalar.residual_rad2, gates.residual_rad2];
-        for (law, expected) in expected.into_iter().enumerate() {
-            let Mean { mean, standard_error } = Mean::of_differences(&all[law], &all[3]);
-            println!("{noise_rad} rad, law {law}: {mean:.4}({standard_error:.4}), {expected:.4}");
-            let allowed = 3.0 * standard_error + 0.05 * expected;
-            assert!((mean - expected).abs() < allowed, "law {law}: {mean}, not {expected}");
-        }
-    }
+    agree(&point(8, 3_000.0, 0.4), 0.0, 60);
+    agree(&point(8, 3_000.0, 0.4), 1.0, 30);
 }
 
+#[test]
+fn at_sixteen_subapertures_less_than_half_is_left() {
+    let [null, gates] = agree(&point(16, 3_000.0, 0.4), 0.0, 8);
+    // Squares with d = r0 cannot fit 0.175 rad^2.
+    assert!(gates + 0.175 < 0.5 * (null + 0.175), "{gates} of {null}");
+}
+
+/// The design is for the paper's profile throughout.
 #[test]
 fn two_gates_leave_less_than_one_whatever_the_profile() {
-    // N = 8, noise-free: within a third of the null-seeking law's excess over the fit by theory, paired.
-    for (height_m, share, noise_rad) in
-        [(3_000.0, 0.4, 0.0), (3_000.0, 0.4, 0.1), (4_000.0, 0.4, 0.1), (2_000.0, 0.4, 0.1)]
+    for (height_m, share) in
+        [(3_000.0, 0.4), (4_000.0, 0.4), (2_000.0, 0.4), (3_000.0, 0.3), (3_000.0, 0.5)]
     {
-        let (all, _) = contest(&point(8, height_m, share), noise_rad, 12, 24);
+        let (all, _) = contest(&point(8, height_m, share), 0.1, 12, 12);
         let Mean { mean, standard_error } = Mean::of_differences(&all[1], &all[2]);
-        println!("h = {height_m}, {share}, {noise_rad} rad: gain {mean:.4}({standard_error:.4})");
-        assert!(mean > 4.0 * standard_error, "{height_m}: {mean} +- {standard_error}");
+        println!("{share} at {height_m} m: gain {mean:.4}({standard_error:.4}) rad^2");
+        assert!(mean > 3.0 * standard_error, "{share} at {height_m}: {mean} +- {standard_error}");
     }
-    for share in [0.3, 0.5] {
-        let (all, _) = contest(&point(8, 3_000.0, share), 0.1, 12, 24);
-        let Mean { mean, standard_error } = Mean::of_differences(&all[1], &all[2]);
-        assert!(mean > 4.0 * standard_error, "{share}: {mean} +- {standard_error}");
-    }
-}
-
-#[test]
-fn at_sixteen_subapertures_half_is_left() {
-    let (all, [_, gates]) = contest(&point(16, 3_000.0, 0.4), 0.0, 12, 12);
-    let half: Vec<f64> = all[0].iter().map(|variance| 0.5 * variance).collect();
-    let Mean { mean, standard_error } = Mean::of_differences(&half, &all[2]);
-    println!("half of the null-seeking law's less two gates': {mean:.4}({standard_error:.4})");
-    assert!(mean > 0.0, "{mean} +- {standard_error}");
-    assert!(gates.residual_rad2 < 0.5 * gates.null_seeking_rad2);
 }
 
 /// With all turbulence at the ground both gates see the same: nothing is combined but their noise, and the law takes

@@ -6,19 +6,26 @@
 
 use host_sim::board::{Board, BoardError, Options, ibex, qemu};
 use host_sim::instrument::Instrument;
-use host_sim::profile::{Profile, Sizes, every_flux, measure};
+use host_sim::profile::{Profile, SecondGate, Sizes, every_flux, measure};
 use host_sim::reconstructor::Reconstructor;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Growth that passes.
 const GROWTH: f64 = 0.02;
-/// Subapertures across, window, bits and sweeps.
-const INSTRUMENTS: [[u32; 4]; 4] = [[8, 16, 12, 4], [16, 8, 12, 8], [8, 16, 16, 4], [16, 8, 16, 8]];
+/// Subapertures across, window, bits, sweeps, and modes of a second gate.
+const INSTRUMENTS: [[u32; 5]; 6] = [
+    [8, 16, 12, 4, 0],
+    [16, 8, 12, 8, 0],
+    [8, 16, 16, 4, 0],
+    [16, 8, 16, 8, 0],
+    [8, 16, 12, 4, 12],
+    [16, 8, 12, 8, 25],
+];
 
 type Costs = BTreeMap<String, u64>;
 
-fn profile(name: &str, [n, window, bits, sweeps]: [u32; 4]) -> Result<Profile, BoardError> {
+fn profile(name: &str, [n, window, bits, sweeps, modes]: [u32; 5]) -> Result<Profile, BoardError> {
     let description = Instrument::parse(
         &format!(
             "[telescope]\nsubapertures = {n}\n[windows]\nsize = {window}\nspacing_px = {window}\n\
@@ -27,7 +34,9 @@ fn profile(name: &str, [n, window, bits, sweeps]: [u32; 4]) -> Result<Profile, B
         "costs",
     );
     let reconstructor = Reconstructor::new(&description.expect("valid")).expect("valid");
-    let spec = every_flux(reconstructor.spec());
+    let alone = every_flux(reconstructor.spec());
+    let second = SecondGate::new(&alone, modes as usize);
+    let spec = if modes > 0 { second.beside(alone) } else { alone };
     let options = Options { marks: true, ..Options::default() };
     let mut board: Box<dyn Board> = match name {
         "qemu" => Box::new(qemu::open(&spec, options)?),
@@ -41,13 +50,17 @@ fn costs(name: &str, program: PathBuf) -> Result<Costs, BoardError> {
     let mut costs = Costs::new();
     let mut stack = 0;
     for instrument in INSTRUMENTS {
-        let [n, window, bits, sweeps] = instrument;
+        let [n, window, bits, sweeps, modes] = instrument;
+        let gates = if modes > 0 { format!(" {modes} modes") } else { String::new() };
         let profile = profile(name, instrument)?;
         let (least, most) = profile.range();
-        assert_eq!(least, most, "{name}, N = {n}, {bits} bits: the content shows in the time");
+        assert_eq!(
+            least, most,
+            "{name}, N = {n}, {bits} bits{gates}: the content shows in the time"
+        );
         let stages = profile.stages().into_iter().chain([("frame", most)]);
         for (stage, count) in stages {
-            let key = format!("{name},N={n} W={window} {bits} bits {sweeps} sweeps,{stage}");
+            let key = format!("{name},N={n} W={window} {bits} bits {sweeps} sweeps{gates},{stage}");
             costs.insert(key, count);
         }
         stack = stack.max(profile.stack.expect("a board's").used);

@@ -56,6 +56,7 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
         Sensing::Images => reconstructor.with_slopes(progress::calibrate(sensor, &instrument)?),
         Sensing::Geometric => reconstructor,
     };
+    let reconstructor = progress::combine_gates(reconstructor)?;
     let options = args.patience.options(false);
     let mut board = args.board.open(&reconstructor.spec(), options)?;
     let run = Run {

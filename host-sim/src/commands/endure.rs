@@ -37,7 +37,7 @@ struct EndureResult {
 /// # Errors
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &EndureArgs) -> Result<(), Error> {
-    let mut instrument = Instrument::described(args.config.as_deref())?;
+    let mut instrument = Instrument::described(args.config.as_deref())?.of_one_gate()?;
     if let Some(n) = args.n {
         instrument.telescope.subapertures = n;
     }

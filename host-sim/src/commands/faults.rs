@@ -25,7 +25,7 @@ struct FaultsResult {
 /// # Errors
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &FaultsArgs) -> Result<(), Error> {
-    let mut instrument = Instrument::described(args.config.as_deref())?;
+    let mut instrument = Instrument::described(args.config.as_deref())?.of_one_gate()?;
     instrument.check()?;
     // Faults come by the thousand: a loop that is given up only after a second would never be.
     instrument.safety.safe_frames = instrument.safety.safe_frames.min(args.safe_frames);

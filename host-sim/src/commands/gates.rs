@@ -112,7 +112,11 @@ fn contenders(
     terms: &Terms,
     modes: &[usize],
 ) -> Result<(Vec<Contender>, Vec<Option<f64>>), Error> {
-    let purpose = Purpose::of(point.instrument(), terms.gate_height_m, terms.noise_rad);
+    let instrument = point.instrument();
+    let purpose = Purpose::of(instrument, terms.gate_height_m, terms.noise_rad);
+    // Designs are at the laser's wavelength.
+    let ratio = instrument.laser.wavelength_m / instrument.science.wavelength_m;
+    let seen = |rad2: f64| Some(rad2 * ratio * ratio);
     let named = |name: &str, view, law| Contender { name: name.into(), view, law };
     let mut all = Vec::new();
     let mut numbers = modes.to_vec();
@@ -127,11 +131,11 @@ fn contenders(
         let law = Law::from(&design);
         if count == 0 {
             let null = named("splash", View::Splash, Law::scalar(1.0));
-            all.push((null, Some(design.null_seeking_rad2)));
-            all.push((named("splash_f", View::Splash, law), Some(design.residual_rad2)));
+            all.push((null, seen(design.null_seeking_rad2)));
+            all.push((named("splash_f", View::Splash, law), seen(design.residual_rad2)));
         } else {
             let name = format!("gates_{count}");
-            all.push((named(&name, View::Splash, law), Some(design.residual_rad2)));
+            all.push((named(&name, View::Splash, law), seen(design.residual_rad2)));
         }
     }
     for (name, view) in [("lgs", View::Lgs), ("ngs", View::Ngs), ("fit", View::Fit)] {

@@ -50,7 +50,7 @@ struct Found {
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &LinkArgs) -> Result<(), Error> {
     let actions = args.actions()?;
-    let instrument = Instrument::described(args.config.as_deref())?;
+    let instrument = Instrument::described(args.config.as_deref())?.of_one_gate()?;
     instrument.check()?;
     let mut session = open(args, instrument)?;
     let mut results = Vec::new();

@@ -5,7 +5,7 @@ use crate::cli::{BoardName, ProfileArgs};
 use crate::error::Error;
 use crate::figures::{Timeline, timeline};
 use crate::instrument::Instrument;
-use crate::profile::{FRAMES, Profile, ROUNDS, Sizes, TAIL, every_flux, measure};
+use crate::profile::{FRAMES, Profile, ROUNDS, SecondGate, Sizes, TAIL, every_flux, measure};
 use crate::reconstructor::Reconstructor;
 use serde::Serialize;
 use splash_firmware::link::Stack;
@@ -24,6 +24,7 @@ struct ProfileResult {
     window: usize,
     bits: u32,
     sweeps: u16,
+    modes: u8,
     stages: Vec<Stage>,
     frame_min: u64,
     frame_max: u64,
@@ -46,7 +47,9 @@ struct Stage {
 pub fn run(args: &ProfileArgs) -> Result<(), Error> {
     let instrument = instrument(args)?;
     let reconstructor = Reconstructor::new(&instrument)?;
-    let spec = every_flux(reconstructor.spec());
+    let alone = every_flux(reconstructor.spec());
+    let second = args.modes.map(|modes| SecondGate::new(&alone, usize::from(modes)));
+    let spec = second.as_ref().map_or(alone, |second| second.beside(alone));
     let mut board = args.board.open(&spec, args.patience.options(true))?;
     let bar = progress::bar(FRAMES.into(), "profile", "frames");
     let profile = measure(board.as_mut(), &spec, args.seed, &mut || bar.inc(1))?;
@@ -64,6 +67,7 @@ pub fn run(args: &ProfileArgs) -> Result<(), Error> {
         window: instrument.windows.size,
         bits: instrument.detector.bits,
         sweeps: instrument.control.sweeps,
+        modes: args.modes.unwrap_or(0),
         stages: stages.iter().map(|&(name, count)| Stage { name, count }).collect(),
         frame_min,
         frame_max,
@@ -161,8 +165,9 @@ fn assumption(board: BoardName, clock_hz: f64) -> String {
 }
 
 fn shape(result: &ProfileResult) -> String {
-    let ProfileResult { n, window, bits, sweeps, .. } = result;
-    format!("N = {n}, windows of {window} x {window} px, {bits} bits, {sweeps} sweeps")
+    let ProfileResult { n, window, bits, sweeps, modes, .. } = result;
+    let one = format!("N = {n}, windows of {window} x {window} px, {bits} bits, {sweeps} sweeps");
+    if *modes > 0 { format!("{one}, two gates, {modes} modes") } else { one }
 }
 
 fn percent(part: u64, whole: u64) -> f64 {

@@ -47,6 +47,15 @@ pub(super) fn calibrate(
     Ok(slopes)
 }
 
+/// Designs what is made of a second gate, if there is one, behind a bar.
+pub(super) fn combine_gates(reconstructor: Reconstructor) -> Result<Reconstructor, Error> {
+    let bar = bar(100, "two gates", "%");
+    let reconstructor =
+        reconstructor.with_second_gate(&|done| bar.set_position((100.0 * done) as u64))?;
+    bar.finish_and_clear();
+    Ok(reconstructor)
+}
+
 /// Sets a closed loop up behind a bar: drawing the turbulence takes its time.
 pub(super) fn close<'a>(
     instrument: &Instrument,

@@ -44,10 +44,10 @@ pub fn run(args: &StrehlArgs) -> Result<(), Error> {
     let points = settings.points()?.into_iter().map(|point| (point, args.screens)).collect();
     let directory = output::directory(args.output.out.as_deref(), "strehl")?;
     let _lock = Lock::take(&directory, "host-sim strehl")?;
+    settings.of_shard(args.shard).write(&directory)?;
     let mut campaign =
         Campaign::open_part(&directory, points, &args.sensors, args.budget, args.shard)?;
     let estimate = campaign.estimate(args.long)?;
-    settings.of_shard(args.shard).write(&directory)?;
     let to_run = campaign.to_run();
     campaign.run()?;
     if let Some(shard) = args.shard {
@@ -73,7 +73,7 @@ pub fn run(args: &StrehlArgs) -> Result<(), Error> {
 
 /// What the arguments ask for.
 fn settings(args: &StrehlArgs) -> Result<Settings, Error> {
-    let mut description = Instrument::described(args.config.as_deref())?;
+    let mut description = Instrument::described(args.config.as_deref())?.of_one_gate()?;
     let moving = args.wind.is_some();
     let pitch_m_per_s = description.telescope.pitch_m / description.frame_s();
     let speed = match args.wind {

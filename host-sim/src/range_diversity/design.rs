@@ -22,6 +22,7 @@ use crate::instrument::Instrument;
 use crate::pupil::Pupil;
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Waves on a subaperture up to which the turbulence is summed, at least, and waves on the pupil: what a small pupil
 /// takes for a mode is finer.
@@ -77,7 +78,8 @@ pub struct Design {
     pub modes: Modes,
     /// B, M x 2M.
     pub coupling: DMatrix<f64>,
-    /// Variance of the star's phase that is expected beyond the fitting error, rad^2, piston, tip and tilt removed.
+    /// Variance of the star's phase that is expected beyond the fitting error, rad^2 at the laser's wavelength, piston,
+    /// tip and tilt removed.
     pub residual_rad2: f64,
     /// The same for f = 1 and no B.
     pub null_seeking_rad2: f64,
@@ -95,42 +97,18 @@ impl Design {
         modes: usize,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Self, Error> {
-        let layers = arms(purpose)?;
         let modes = Modes::new(pupil, modes)?;
-        let response = Response::new(pupil);
-        let across = pupil.across();
-        let waves =
-            waves(across, PER_SUBAPERTURE.max(PER_PUPIL / across as f64), response.longest());
-        let turbulence = (pupil.diameter_m() / purpose.r0_m).powf(5.0 / 3.0);
+        let sky = Sky::new(pupil, purpose)?;
         // Half of the noise from edge to edge is from centre to edge.
         let filtered = purpose.gain / (2.0 - purpose.gain);
         let noise =
             purpose.noise_rad.map(|rad| filtered * (0.5 * rad.max(LEAST_NOISE_RAD)).powi(2));
-        let steps = 2 * layers.len() * waves.len().div_ceil(CHUNK);
-        let done = std::sync::atomic::AtomicUsize::new(0);
-        let step = || {
-            let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-            progress(done as f64 / steps as f64);
-        };
-        let sum = |each: &(dyn Fn(Responses) -> DMatrix<f64> + Sync)| {
-            let chunks =
-                layers.iter().flat_map(|layer| waves.chunks(CHUNK).map(move |w| (w, *layer)));
-            let chunks: Vec<(&[Wave], Arms)> = chunks.collect();
-            let parts: Vec<_> = chunks
-                .into_par_iter()
-                .map(|(waves, layer)| {
-                    let part = each(response.to(waves, layer));
-                    step();
-                    part
-                })
-                .collect();
-            // In the order of the chunks, whichever thread had them.
-            parts.into_iter().reduce(|sum, part| sum + part).unwrap_or_default() * turbulence
-        };
-        let estimate = estimate(&modes, noise, &sum);
+        let estimate = estimate(&modes, noise, &sky, &|done| progress(0.5 * done));
         let metric = PhaseMetric::new(pupil);
         let shapes = metric.mirror(modes.matrix().clone());
-        let products = sum(&|responses| products(&metric, &modes, &shapes, &estimate, responses));
+        let products = sky.sum(&|done| progress(0.5 + 0.5 * done), &|responses| {
+            products(&metric, &modes, &shapes, &estimate, responses)
+        });
         let [ee, eu, uu, null] = [0, 1, 2, 3].map(|k| products[k]);
         let of_noise = of_noise(&metric, &modes, &estimate, noise);
         let lever_arm = eu / (uu + of_noise[0]);
@@ -148,6 +126,48 @@ impl Design {
     }
 }
 
+/// The turbulence over a pupil.
+struct Sky {
+    response: Response,
+    layers: Vec<Arms>,
+    waves: Vec<Wave>,
+    /// (D / r0)^(5/3).
+    strength: f64,
+}
+
+impl Sky {
+    fn new(pupil: &Pupil, purpose: &Purpose) -> Result<Self, Error> {
+        let response = Response::new(pupil);
+        let across = pupil.across();
+        let finest = PER_SUBAPERTURE.max(PER_PUPIL / across as f64);
+        Ok(Self {
+            layers: arms(purpose)?,
+            waves: waves(across, finest, response.longest()),
+            response,
+            strength: (pupil.diameter_m() / purpose.r0_m).powf(5.0 / 3.0),
+        })
+    }
+
+    /// The sum of `each` over all waves and layers; `progress` is told the fraction done.
+    fn sum(
+        &self,
+        progress: &(dyn Fn(f64) + Sync),
+        each: &(dyn Fn(Responses) -> DMatrix<f64> + Sync),
+    ) -> DMatrix<f64> {
+        let of_layer = |&layer| self.waves.chunks(CHUNK).map(move |waves| (waves, layer));
+        let chunks: Vec<(&[Wave], Arms)> = self.layers.iter().flat_map(of_layer).collect();
+        let (done, all) = (AtomicUsize::new(0), chunks.len() as f64);
+        let part = |(waves, layer)| {
+            let part = each(self.response.to(waves, layer));
+            progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / all);
+            part
+        };
+        let parts: Vec<DMatrix<f64>> = chunks.into_par_iter().map(part).collect();
+        // In the order of the chunks, whichever thread had them.
+        parts.into_iter().reduce(|sum, part| sum + part).unwrap_or_default() * self.strength
+    }
+}
+
 /// The layers' arms, weights normalised.
 fn arms(purpose: &Purpose) -> Result<Vec<Arms>, Error> {
     let Purpose { beacon_height_m, gate_height_m, layers, .. } = purpose;
@@ -156,6 +176,9 @@ fn arms(purpose: &Purpose) -> Result<Vec<Arms>, Error> {
         return Err(refuse("second_gate.height_m", gate_height_m, &limit));
     }
     let sum: f64 = layers.iter().map(|[weight, _]| weight).sum();
+    if sum <= 0.0 {
+        return Err(refuse("layers: sum of weights", sum, "above 0"));
+    }
     let arm = |&[weight, height_m]: &[f64; 2]| match height_m < *beacon_height_m {
         true => Ok(Arms {
             weight: weight / sum,
@@ -174,13 +197,14 @@ fn arms(purpose: &Purpose) -> Result<Vec<Arms>, Error> {
 fn estimate(
     modes: &Modes,
     noise: [f64; 2],
-    sum: &dyn Fn(&(dyn Fn(Responses) -> DMatrix<f64> + Sync)) -> DMatrix<f64>,
+    sky: &Sky,
+    progress: &(dyn Fn(f64) + Sync),
 ) -> DMatrix<f64> {
     let (q, count) = (modes.matrix(), modes.count());
     if count == 0 {
         return DMatrix::zeros(0, 0);
     }
-    let covariances = sum(&|Responses { star, first, second, .. }| {
+    let covariances = sky.sum(progress, &|Responses { star, first, second, .. }| {
         let mut parts = DMatrix::zeros(3 * count, star.ncols());
         for (index, slopes) in [star, first, second].iter().enumerate() {
             parts.rows_mut(index * count, count).copy_from(&q.tr_mul(slopes));

@@ -40,7 +40,7 @@ impl Modes {
         let mut basis: Vec<DVector<f64>> = uniform.map(|tilt| tilt.normalize()).into();
         for total in 2..=degree {
             for b in 0..=total {
-                let gradient = gradient(pupil, (total - b) as i32, b as i32);
+                let gradient = gradient(pupil, total - b, b);
                 let mut mode = gradient.normalize();
                 for _ in 0..2 {
                     for known in &basis {

@@ -8,11 +8,11 @@
 //! gate at H:   (d/2) i k b S_bd(k) [exp(i k.x_i) - P(b k) exp(i (1-b) k.x_i)]
 //! gate at z:   (d/2) i k b_z [S_bd(k) exp(i k.x_i) - S_(b_z d)(k) P(b_z k) exp(i (1-b_z) k.x_i)]
 //!
-//! and the best fit of piston and tips to the star's phase, with j(u) = (sin u - u cos u) / u^2, has the piston
-//! S_d(k) exp(i k.x_i) and the tip 3 i j(k_x d/2) sinc(k_y d/2) exp(i k.x_i).
+//! The mean gradient over the pupil, on the way back, is the mean of those over its subapertures: from spot i, their
+//! squares at the layer have sides b d and centres b x_j + (1-b) x_i, with b_z in place of b for the gate at z.
 //!
-//! The mean gradient over the pupil is the mean of those over its subapertures: on the way back from spot i, their
-//! squares at the layer have sides b d and centres b x_j + (1-b) x_i. The factor i is left out everywhere.
+//! The best fit of piston, tip and tilt to the star's phase has, with j(u) = (sin u - u cos u) / u^2, the piston
+//! S_d(k) exp(i k.x_i) and the tip 3 i j(k_x d/2) sinc(k_y d/2) exp(i k.x_i). A factor i is left out everywhere.
 //!
 //! Lengths are in units of half the grid's side.
 
@@ -77,69 +77,63 @@ impl Response {
 
     /// What is seen of `waves` in the layer at `arms`.
     pub fn to(&self, waves: &[Wave], arms: Arms) -> Responses {
-        let empty = || DMatrix::zeros(2 * self.cells.len(), 2 * waves.len());
+        let segments = self.cells.len();
+        let slopes = || DMatrix::zeros(2 * segments, 2 * waves.len());
         let mut all = Responses {
-            star: empty(),
-            fit: empty(),
-            pistons: DMatrix::zeros(self.cells.len(), 2 * waves.len()),
-            first: empty(),
-            second: empty(),
+            star: slopes(),
+            fit: slopes(),
+            pistons: DMatrix::zeros(segments, 2 * waves.len()),
+            first: slopes(),
+            second: slopes(),
         };
-        let Arms { weight, focus, gate } = arms;
-        let (pitch, count) = (2.0 / self.across as f64, self.cells.len() as f64);
         for (column, wave) in waves.iter().enumerate() {
-            let [kx, ky] = wave.vector;
-            let square = |side: f64| sinc(0.5 * kx * side) * sinc(0.5 * ky * side);
-            let root = (weight * wave.weight).sqrt();
-            let scale = 0.5 * pitch * root;
-            let half = [0.5 * kx * pitch, 0.5 * ky * pitch];
-            let tips = [fitted_tip(half[0]) * sinc(half[1]), sinc(half[0]) * fitted_tip(half[1])];
-            // The mean over the pupil on the way back, of a wave that is b times as long there.
-            let back = |arm: f64| {
-                let sum = self.cells.iter().fold([0.0; 2], {
-                    let grid = self.grid(wave, arm);
-                    move |sum, &cell| add(sum, grid.at(cell))
-                });
-                sum.map(|sum| sum / count * arm * square(arm * pitch))
-            };
-            let (back_first, back_second) = (back(focus), back(gate));
-            let here = self.grid(wave, 1.0);
-            let (from_first, from_second) =
-                (self.grid(wave, 1.0 - focus), self.grid(wave, 1.0 - gate));
-            let (star, beam) = (square(pitch), square(focus * pitch));
-            for (segment, &cell) in self.cells.iter().enumerate() {
-                let own = here.at(cell);
-                let seen = |arm: f64, back: [f64; 2], from: &Grid| {
-                    let back = times(back, from.at(cell));
-                    [0, 1].map(|part| arm * beam * own[part] - back[part])
-                };
-                let values = [
-                    (&mut all.star, own.map(|part| star * part)),
-                    (&mut all.first, seen(focus, back_first, &from_first)),
-                    (&mut all.second, seen(gate, back_second, &from_second)),
-                ];
-                // What is left out is a factor i: exp(i k.x) without it is -i exp(i k.x).
-                all.pistons[(segment, 2 * column)] = root * star * own[1];
-                all.pistons[(segment, 2 * column + 1)] = -root * star * own[0];
-                for axis in 0..2 {
-                    for part in 0..2 {
-                        all.fit[(2 * segment + axis, 2 * column + part)] =
-                            root * tips[axis] * own[part];
-                    }
-                }
-                for (matrix, value) in values {
-                    for (axis, k) in [kx, ky].into_iter().enumerate() {
-                        for (part, value) in value.into_iter().enumerate() {
-                            matrix[(2 * segment + axis, 2 * column + part)] = scale * k * value;
-                        }
-                    }
-                }
+            self.star(wave, arms.weight, column, &mut all);
+            for (gate, matrix) in [(arms.focus, &mut all.first), (arms.gate, &mut all.second)] {
+                self.gate(wave, arms, gate, column, matrix);
             }
         }
         for matrix in [&mut all.star, &mut all.first, &mut all.second] {
             remove_mean(matrix);
         }
         all
+    }
+
+    /// Fills a wave's columns of what the star has.
+    fn star(&self, wave: &Wave, weight: f64, column: usize, all: &mut Responses) {
+        let root = (weight * wave.weight).sqrt();
+        let half = wave.vector.map(|k| k / self.across as f64);
+        let [x, y] = half.map(sinc);
+        let slopes = half.map(|half| root * half * x * y);
+        let tips = [root * fitted_tip(half[0]) * y, root * x * fitted_tip(half[1])];
+        let here = self.grid(wave, 1.0);
+        for (segment, &cell) in self.cells.iter().enumerate() {
+            let own = here.at(cell);
+            set(&mut all.star, segment, column, slopes, own);
+            set(&mut all.fit, segment, column, tips, own);
+            // exp(i k.x) without a factor i is -i exp(i k.x).
+            let piston = root * x * y;
+            all.pistons[(segment, 2 * column)] = piston * own[1];
+            all.pistons[(segment, 2 * column + 1)] = -piston * own[0];
+        }
+    }
+
+    /// Fills a wave's columns of what a gate sees that sees the layer with `arm`.
+    fn gate(&self, wave: &Wave, arms: Arms, arm: f64, column: usize, seen: &mut DMatrix<f64>) {
+        let scale = arm * (arms.weight * wave.weight).sqrt();
+        let half = wave.vector.map(|k| k / self.across as f64);
+        let square = |side: f64| sinc(side * half[0]) * sinc(side * half[1]);
+        let up = square(arms.focus);
+        let over_pupil = {
+            let grid = self.grid(wave, arm);
+            self.cells.iter().fold([0.0; 2], |sum, &cell| add(sum, grid.at(cell)))
+        };
+        let back = over_pupil.map(|sum| sum * square(arm) / self.cells.len() as f64);
+        let (here, from) = (self.grid(wave, 1.0), self.grid(wave, 1.0 - arm));
+        for (segment, &cell) in self.cells.iter().enumerate() {
+            let (own, back) = (here.at(cell), times(back, from.at(cell)));
+            let value = [up * own[0] - back[0], up * own[1] - back[1]];
+            set(seen, segment, column, half.map(|half| scale * half), value);
+        }
     }
 
     /// exp(i s k.x) at the centres of the grid.
@@ -152,6 +146,21 @@ impl Response {
             (0..self.across).map(at).collect()
         };
         Grid(wave.vector.map(line))
+    }
+}
+
+/// Sets tip and tilt of a segment to a complex value times a factor for each.
+fn set(
+    matrix: &mut DMatrix<f64>,
+    segment: usize,
+    column: usize,
+    factors: [f64; 2],
+    value: [f64; 2],
+) {
+    for (axis, factor) in factors.into_iter().enumerate() {
+        for (part, value) in value.into_iter().enumerate() {
+            matrix[(2 * segment + axis, 2 * column + part)] = factor * value;
+        }
     }
 }
 

@@ -49,7 +49,7 @@ impl Plan {
     /// # Errors
     /// [`Error::Config`] with field, value and limit.
     pub(super) fn new(args: &ScaleArgs) -> Result<Self, Error> {
-        let mut description = Instrument::described(args.config.as_deref())?;
+        let mut description = Instrument::described(args.config.as_deref())?.of_one_gate()?;
         for layer in &mut description.atmosphere.layers {
             layer.wind_speed_m_per_s = 0.0;
         }

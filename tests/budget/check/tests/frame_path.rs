@@ -4,7 +4,14 @@
 use check::Image;
 
 const TARGETS: [&str; 2] = ["thumbv7em-none-eabihf", "riscv32imc-unknown-none-elf"];
-const ENTRIES: [&str; 3] = ["probe_begin", "probe_push_row", "probe_finish"];
+const ENTRIES: [&str; 6] = [
+    "probe_begin",
+    "probe_push_row",
+    "probe_finish",
+    "probe_begin_two_gates",
+    "probe_push_row_two_gates",
+    "probe_finish_two_gates",
+];
 
 /// Bytes of stack below any entry, interrupts apart. The deepest took 1168 when this was set; the
 /// rest of the 64 KiB of hot state and stack belongs to the state.

@@ -13,6 +13,10 @@ const P: usize = M * 16 * 16;
 /// Pixels that brightest-n buffers: the eight windows that share a row.
 const B: usize = 8 * 16 * 16;
 
+/// The same with two gates and 25 modes: their windows, pixels and modes.
+type TwoGateConfig = Config<{ 2 * M }, { 2 * P }, B, 25>;
+type TwoGatePipeline = Pipeline<{ 2 * M }, B, 25>;
+
 /// Bytes on this target of bank and state, without and with the buffer of brightest-n: for
 /// 8 x 8 subapertures with windows of 16 x 16 pixels, and for 16 x 16 with 8 x 8.
 #[unsafe(no_mangle)]
@@ -44,5 +48,24 @@ fn probe_push_row(pipeline: &mut Pipeline<M, B>, config: &Config<M, P, B>, row: 
 
 #[unsafe(no_mangle)]
 fn probe_finish(pipeline: &mut Pipeline<M, B>, config: &Config<M, P, B>) -> Report {
+    pipeline.finish(config)
+}
+
+#[unsafe(no_mangle)]
+fn probe_begin_two_gates(pipeline: &mut TwoGatePipeline, config: &TwoGateConfig, frame: u32) {
+    pipeline.begin(config, frame);
+}
+
+#[unsafe(no_mangle)]
+fn probe_push_row_two_gates(
+    pipeline: &mut TwoGatePipeline,
+    config: &TwoGateConfig,
+    row: &[u16],
+) -> bool {
+    pipeline.push_row(config, row).is_ok()
+}
+
+#[unsafe(no_mangle)]
+fn probe_finish_two_gates(pipeline: &mut TwoGatePipeline, config: &TwoGateConfig) -> Report {
     pipeline.finish(config)
 }

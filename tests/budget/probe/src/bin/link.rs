@@ -17,6 +17,8 @@ const M: usize = 8 * 8;
 const P: usize = M * 16 * 16;
 /// Pixels that brightest-n buffers.
 const B: usize = 8 * 16 * 16;
+/// Modes of a second gate.
+const K: usize = 25;
 /// Records of telemetry.
 const R: usize = 40;
 
@@ -40,41 +42,41 @@ fn probe_encode(response: &Message<Response>, wire: &mut [u8; WIRE]) -> usize {
 }
 
 #[unsafe(no_mangle)]
-fn probe_upload(draft: &mut Draft<'_, M, P, B>, offset: u32, bytes: &[u8]) -> bool {
+fn probe_upload(draft: &mut Draft<'_, M, P, B, K>, offset: u32, bytes: &[u8]) -> bool {
     let begun = if offset == 0 { draft.begin(bytes.len() as u32) } else { Ok(()) };
     begun.and_then(|()| draft.chunk(offset, bytes)).is_ok()
 }
 
 #[unsafe(no_mangle)]
 fn probe_adjust(
-    draft: &mut Draft<'_, M, P, B>,
+    draft: &mut Draft<'_, M, P, B, K>,
     change: &Adjustment,
-    other: &Config<M, P, B>,
+    other: &Config<M, P, B, K>,
 ) -> bool {
     draft.copy(other).is_ok() && draft.adjust(change).is_ok() && draft.check().is_ok()
 }
 
 #[unsafe(no_mangle)]
 fn probe_exchange<'a>(
-    draft: &mut Draft<'a, M, P, B>,
-    running: &mut &'a mut Config<M, P, B>,
-    controller: &mut Controller<M, B>,
+    draft: &mut Draft<'a, M, P, B, K>,
+    running: &mut &'a mut Config<M, P, B, K>,
+    controller: &mut Controller<M, B, K>,
 ) -> bool {
-    let admit = |before: &Config<M, P, B>, next: &Config<M, P, B>| {
+    let admit = |before: &Config<M, P, B, K>, next: &Config<M, P, B, K>| {
         controller.exchange(before, next, next.calibration().is_ok())
     };
     draft.switch().is_ok() && draft.exchange(running, admit).is_some()
 }
 
 #[unsafe(no_mangle)]
-fn probe_read(config: &Config<M, P, B>, parameter: Parameter, buffer: &mut [u8]) -> bool {
+fn probe_read(config: &Config<M, P, B, K>, parameter: Parameter, buffer: &mut [u8]) -> bool {
     config.excerpt(7, buffer).is_empty() || config.value(parameter).is_ok()
 }
 
 #[unsafe(no_mangle)]
 fn probe_command(
-    controller: &mut Controller<M, B>,
-    config: &Config<M, P, B>,
+    controller: &mut Controller<M, B, K>,
+    config: &Config<M, P, B, K>,
     command: Command,
 ) -> bool {
     controller.request(config, command, config.calibration().is_ok(), 0).is_ok()
@@ -83,7 +85,7 @@ fn probe_command(
 #[unsafe(no_mangle)]
 fn probe_telemetry(
     ring: &mut Ring<R>,
-    controller: &Controller<M, B>,
+    controller: &Controller<M, B, K>,
     result: &FrameResult,
     stamp: &Stamp,
 ) -> bool {
