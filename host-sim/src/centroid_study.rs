@@ -28,6 +28,32 @@
 //!
 //! over both axes, all valid subapertures and all screens; standard errors are those of a jackknife over
 //! screens. A pixel is lambda / (p d), or 2 pi / p rad of phase from edge to edge of a subaperture.
+//!
+//! Measured by `host-sim centroids` with the default instrument (d = r0, 40 % of the turbulence at a quarter of the
+//! beacon's height, no noise, 12 screens), px of lambda / 2d; a pixel is pi rad from edge to edge:
+//!
+//! | estimator | state | D/r0 = 4 | 8 | 16 | 32 | fitted at 32 |
+//! |---|---|---|---|---|---|---|
+//! | plain | open | 0.055(6) | 0.060(1) | 0.061(2) | 0.064(1) | 0.042 |
+//! | | launch | 0.035(1) | 0.038(1) | 0.040 | 0.040 | |
+//! | | corrected | 0.035(1) | 0.038(1) | 0.040 | 0.040 | |
+//! | thresholded at 0.02 | open | 0.048(2) | 0.054(1) | 0.056(1) | 0.056 | 0.053 |
+//! | | launch | 0.047(1) | 0.053(1) | 0.055(1) | 0.055 | |
+//! | | corrected | 0.049(2) | 0.055(1) | 0.057(1) | 0.057 | |
+//! | thresholded at 0.1 | open | 0.093(3) | 0.099(2) | 0.103(1) | 0.103(1) | 0.097 |
+//! | | launch | 0.091(3) | 0.096(2) | 0.100(1) | 0.100(1) | |
+//! | | corrected | 0.098(4) | 0.107(2) | 0.110(1) | 0.112(1) | |
+//! | thresholded at 0.3 | open | 0.108(3) | 0.118(2) | 0.120(1) | 0.121(1) | 0.114 |
+//! | | launch | 0.118(4) | 0.130(3) | 0.135(2) | 0.136(2) | |
+//! | | corrected | 0.102(4) | 0.104(2) | 0.109(2) | 0.117(1) | |
+//! | weighted | open | 0.087(3) | 0.093(2) | 0.095(1) | 0.096(1) | 0.091 |
+//! | | corrected | 0.089(3) | 0.097(2) | 0.099(1) | 0.100(1) | |
+//! | brightest 16 | open | 0.104(3) | 0.111(2) | 0.113(1) | 0.114(1) | 0.107 |
+//! | | corrected | 0.103(4) | 0.111(2) | 0.114(1) | 0.116(1) | |
+//!
+//! Errors of less than a thousandth have no digit in brackets. The error hardly grows with the telescope, nor
+//! with what is left on the way back: it is the asymmetry of each spot on its way up, of which a threshold takes
+//! more the higher it is. Only at 0.3 of the peak the speckle of an uncorrected way back adds to it, by a sixth to a quarter.
 
 use crate::atmosphere::{Atmosphere, Turbulence};
 use crate::board::{Frame, in_process};
@@ -177,6 +203,8 @@ impl CentroidStudy {
     ) -> Result<Self, Error> {
         let mut instrument = description.clone();
         instrument.telescope.subapertures = n;
+        // Each gate's spots are centroids of their own.
+        instrument.second_gate.height_m = 0.0;
         instrument.atmosphere.layers.iter_mut().for_each(|layer| layer.wind_speed_m_per_s = 0.0);
         if !noise {
             instrument = instrument.noise_free();

@@ -116,7 +116,7 @@ fn written_and_read_again_it_is_the_same() {
 }
 
 /// For each whole number of the default description: too small, where it can be, and too large.
-const WRONG_COUNTS: [(&str, &[u32]); 17] = [
+const WRONG_COUNTS: [(&str, &[u32]); 18] = [
     ("telescope.subapertures", &[0, 3, 41]),
     ("telescope.samples", &[0, 1, 33]),
     ("laser.slices", &[65]),
@@ -133,6 +133,7 @@ const WRONG_COUNTS: [(&str, &[u32]); 17] = [
     ("safety.hold_frames", &[101]),
     ("safety.safe_frames", &[]),
     ("safety.saturated_frames", &[]),
+    ("second_gate.modes", &[1, 11, 26]),
     ("serials.mirror", &[]),
     ("serials.detector", &[]),
 ];

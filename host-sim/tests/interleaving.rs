@@ -104,15 +104,15 @@ fn seen(instrument: &Instrument, frame: u32) -> Vec<f64> {
 fn only_the_colour_of_the_frame_is_lit_and_shares_the_power_if_told_so() {
     // Of 16 spots 6 have colour 0, 10 have colour 1.
     let drawn = "colours = [\"0110\", \"1111\", \"0110\", \"0110\"]\n";
-    let lit = |frame: u32, i: usize| (i % 4 == 0 || i % 4 == 3) && i / 4 != 1 && frame % 2 == 0;
+    let lit = |i: usize| [0, 3].contains(&(i % 4)) && i / 4 != 1;
     for (power, shares) in [("per-spot", [1.0, 1.0]), ("shared", [16.0 / 6.0, 16.0 / 10.0])] {
         let toml =
             schedule(&format!("{drawn}power = {power:?}")) + "\n[laser]\nelectrons_per_spot = 2000";
         let instrument = parse(&toml).noise_free();
         let all = seen(&parse(&toml.replace(drawn, "")).noise_free(), 0);
-        for frame in [0, 1, 7] {
+        for frame in [0, 1, 2, 7] {
             for (i, (seen, alone)) in seen(&instrument, frame).iter().zip(&all).enumerate() {
-                let on = if frame % 2 == 0 { lit(frame, i) } else { !lit(0, i) };
+                let on = lit(i) == [0, 2].contains(&frame);
                 let share = if on { shares[frame as usize % 2] } else { 0.0 };
                 // Each of 256 pixels is rounded to a quarter of an electron, in both frames.
                 let rounding = 32.0 * (1.0 + share);

@@ -12,11 +12,10 @@ use splash_firmware::fault::NAMES;
 use splash_firmware::mode::Mode;
 
 /// The codes of each frame, the mode at the end and the faults that were booked.
-fn codes(
-    toml: &str,
-    frames: u32,
-    operated: bool,
-) -> (Vec<Vec<[u16; 3]>>, Mode, Vec<(&'static str, u32)>) {
+type Ran = (Vec<Vec<[u16; 3]>>, Mode, Vec<(&'static str, u32)>);
+
+/// A loop of exact gradients with this description.
+fn codes(toml: &str, frames: u32, operated: bool) -> Ran {
     let instrument = Instrument::parse(toml, "test").unwrap();
     let reconstructor = Reconstructor::new(&instrument).unwrap();
     let mut board: Box<dyn Board + Send> = in_process(&reconstructor.spec()).unwrap();

@@ -169,6 +169,7 @@ fn instrument(
     let frame_s = instrument.frame_s();
     let pitch_m = (spacing * args.wavelength * args.beacon).sqrt();
     instrument.telescope.subapertures = args.n;
+    instrument.second_gate.height_m = 0.0;
     instrument.telescope.pitch_m = pitch_m;
     instrument.atmosphere.r0_m = pitch_m;
     instrument.atmosphere.r0_wavelength_m = 0.0;
