@@ -1,5 +1,6 @@
 //! The command line.
 
+mod beacon;
 mod layers;
 mod link;
 
@@ -18,6 +19,7 @@ use splash_firmware::spec::Spec;
 use std::path::PathBuf;
 use std::time::Duration;
 
+pub use beacon::{BeaconName, BeamArgs, PowerArgs};
 pub use link::{Action, LinkArgs, Place};
 
 /// Simulates a SPLASH adaptive-optics system around the firmware library.
@@ -47,6 +49,10 @@ enum Command {
     Theory(TheoryArgs),
     /// Compares sensors over independent phase screens: the paper's Strehl ratios against D/r0.
     Strehl(StrehlArgs),
+    /// Finds the laser power that a Rayleigh and a sodium beacon need: Strehl ratio against power.
+    Power(PowerArgs),
+    /// Compares launch beams: Strehl ratio against waist and size of subapertures.
+    Beam(BeamArgs),
     /// Operates a board over its link.
     Link(LinkArgs),
     /// Makes the paper's figures, the error budget and a page that explains them.
@@ -558,7 +564,7 @@ impl RunArgs {
 }
 
 /// What `--n` takes.
-fn subapertures() -> RangedI64ValueParser<usize> {
+pub(crate) fn subapertures() -> RangedI64ValueParser<usize> {
     RangedI64ValueParser::new().range(MIN_ACROSS as i64..=MAX_ACROSS as i64)
 }
 
@@ -589,6 +595,8 @@ impl Cli {
             Some(Command::Profile(args)) => commands::profile::run(&args),
             Some(Command::Theory(args)) => commands::theory::run(&args),
             Some(Command::Strehl(args)) => commands::strehl::run(&args),
+            Some(Command::Power(args)) => commands::power::run(&args),
+            Some(Command::Beam(args)) => commands::beam::run(&args),
             Some(Command::Link(args)) => commands::link::run(&args),
             Some(Command::Reproduce(args)) => commands::reproduce::run(&args),
             Some(Command::Endure(args)) => commands::endure::run(&args),

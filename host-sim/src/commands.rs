@@ -1,5 +1,6 @@
 //! The commands, one a file.
 
+pub mod beam;
 mod campaign;
 pub mod closed_loop;
 pub mod config;
@@ -8,6 +9,7 @@ pub mod faults;
 pub mod frames;
 pub mod link;
 mod output;
+pub mod power;
 pub mod profile;
 mod progress;
 pub mod replay;

@@ -201,7 +201,7 @@ impl GeometricSensor {
                         (0, Some(x), Some(y)) => self.footprint.integrate(&x.gradient, &y.phase),
                         (_, Some(x), Some(y)) => self.footprint.integrate(&x.phase, &y.gradient),
                         (0, ..) => across_x(ix + 1) - across_x(ix),
-                        (_, ..) => across_y(iy + 1) - across_y(iy),
+                        (..) => across_y(iy + 1) - across_y(iy),
                     }
                 };
                 for axis in 0..2 {

@@ -34,6 +34,8 @@ pub struct SubapertureCamera {
     phase: Vec<f32>,
     mirror: Vec<f32>,
     lanes: Vec<f32>,
+    /// Amplitude at the samples, in lanes; empty where nothing stands in the light.
+    mask: Vec<f32>,
     /// The images' transfer functions, summed over the slices.
     totals: Vec<Lags>,
 }
@@ -72,6 +74,7 @@ impl SubapertureCamera {
             phase: vec![0.0; side * side],
             mirror: vec![0.0; side * side],
             lanes: vec![0.0; side.div_ceil(LANES) * LANES * side],
+            mask: if pupil.is_obstructed() { mask(pupil) } else { vec![] },
             totals: vec![Lags::new(samples); pupil.subapertures().len()],
         })
     }
@@ -162,8 +165,7 @@ impl SubapertureCamera {
         }
         to_lanes(&self.phase, side, &mut self.lanes);
         let camera = &*self;
-        // A subaperture in use is lit all over: nothing is masked.
-        let path = PathPhase { common: &camera.lanes, mask: &[], side, high: &[] };
+        let path = PathPhase { common: &camera.lanes, mask: &camera.mask, side, high: &[] };
         let arch = Arch::new();
         let scratch = || Scratch {
             block: camera.block_otf.scratch(),
@@ -176,6 +178,15 @@ impl SubapertureCamera {
             },
         );
     }
+}
+
+/// Amplitude at the samples, in lanes.
+fn mask(pupil: &Pupil) -> Vec<f32> {
+    let side = pupil.side();
+    let rows: Vec<f32> = (0..side * side).map(|k| pupil.amplitude(k / side, k % side)).collect();
+    let mut lanes = vec![0.0; side.div_ceil(LANES) * LANES * side];
+    to_lanes(&rows, side, &mut lanes);
+    lanes
 }
 
 /// The transfer function through one subaperture.
@@ -197,7 +208,7 @@ impl WithSimd for Spot<'_> {
         let Self { camera, path, subaperture, scratch, weight, total } = self;
         let Scratch { block, otf } = scratch;
         camera.block_otf.lags(simd, path, subaperture, block, otf);
-        // The transfer function is one at lag zero.
+        // The transfer function is one at lag zero, if nothing stands in the light.
         let norm = 1.0 / (camera.pupil.samples() * camera.pupil.samples()) as f32;
         for (total, part) in [(&mut total.re, &otf.re), (&mut total.im, &otf.im)] {
             for (total, value) in total.iter_mut().zip(part) {
