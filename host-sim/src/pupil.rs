@@ -24,7 +24,7 @@ pub struct Pupil {
     amplitude: Vec<f32>,
 }
 
-/// What stands in the light inside the subapertures: a disc about the axis, and straight vanes from the axis outwards.
+/// What stands in the light inside the subapertures: a disc about the axis, and straight vanes from there outwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Obstruction {
     /// Diameter of the disc, m.

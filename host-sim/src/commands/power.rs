@@ -1,7 +1,7 @@
 //! `host-sim power`: the laser power that a beacon needs.
 //!
-//! Measured with the defaults (N = 8, d = r0 = 0.5 m at 532 nm, star at 532 nm, 1 ms frames, 3 electrons of read noise,
-//! gate of one depth of focus, 12 screens, seed 1), Strehl ratio:
+//! Measured with the defaults (N = 8, d = r0 = 0.5 m at 532 nm, star at 532 nm, 1 ms frames, 3 electrons of read
+//! noise, gate of one depth of focus, 12 screens, seed 1), Strehl ratio:
 //!
 //! | laser, W | Rayleigh, 12 km, gate 38 m: electrons | Strehl | sodium, 89.6 km, gate 2365 m: electrons | Strehl |
 //! |---|---|---|---|---|
@@ -16,7 +16,8 @@
 //!
 //! The digits in brackets are one standard error, mostly the scatter of the screens, which all powers share; that of
 //! the least powers is from differences under the same screens. Below 300 electrons the loop fails all at once:
-//! thresholds of three sigma of a pixel's noise leave too little of a spot.
+//! thresholds of three sigma of a pixel's noise leave too little of a spot. A gate twice as deep (Rayleigh, 77 m)
+//! has twice the light and costs less than it brings: 19(1) W, of 0.528(40) without noise.
 
 mod results;
 

@@ -69,7 +69,7 @@ struct AxisStencils {
     lines: Vec<Stencil>,
     /// The mean over the samples of a subaperture, N.
     blocks: Vec<Stencil>,
-    /// If beams are not uniform, along which `blocks` and edges are those of the pupil only.
+    /// Of beams that are not uniform, N; `lines` and `blocks` are then for the pupil's mean alone.
     beams: Vec<Beam>,
 }
 

@@ -151,8 +151,8 @@ impl SplashCamera {
     }
 
     /// The images at `time_s` with `mirror` in the pupil on both paths: `[spot][row][column]`,
-    /// the fraction of the light of a spot with nothing in its beam that falls on each pixel. The same to the bit for any
-    /// number of threads.
+    /// the fraction of the light of a spot with nothing in its beam that falls on each pixel. The
+    /// same to the bit for any number of threads.
     ///
     /// # Panics
     /// If `images` is not spots x W x W, `mirror` does not have one segment per spot, `time_s` is

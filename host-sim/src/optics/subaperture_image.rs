@@ -4,8 +4,9 @@
 //! of that subaperture alone, |FT of exp(i phi) over subaperture i|^2, with phi the phase along the
 //! path less the mirror's: phi_h(x) for a star, phi_h(b x) for a beacon on the axis, b = 1 - h/H.
 //! The images are normalised and sampled as those of SPLASH's spots, so that the two differ in their
-//! physics only. The light of a deep beacon comes in slices ([`slab`](super::slab)): seen through subaperture
-//! i, one out of focus is displaced by e x_i, e = 1/z - 1/H, and blurred by e d. Against a direct sum over the samples in double precision: 6e-7 of the peak.
+//! physics only. Against a direct sum over the samples in double precision: 6e-7 of the peak. The light of a
+//! deep beacon comes in slices ([`slab`](super::slab)): seen through subaperture i, one out of focus is
+//! displaced by e x_i, e = 1/z - 1/H, and blurred by e d.
 
 use super::OpticsError;
 use super::block_otf::{BlockOtf, BlockOtfScratch};
