@@ -25,7 +25,7 @@ impl BeaconName {
 
 /// `host-sim power`.
 ///
-/// Photo-electrons from the lidar equation ([photons] of the description), images through detector and firmware
+/// Photo-electrons from the lidar equation (the description's table photons), images through detector and firmware
 /// with their noise, frozen screens that are the same for all powers and for the loop without noise. The gate's
 /// depth is given in depths of focus of the whole telescope, lambda H^2 / (d D): the slab is simulated in as many
 /// slices as its blur asks for. Spots are relayed edge to edge: none falls into another's window.
