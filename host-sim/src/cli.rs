@@ -1,5 +1,6 @@
 //! The command line.
 
+mod beacon;
 mod centroids;
 mod crosstalk;
 mod layers;
@@ -22,6 +23,7 @@ use splash_firmware::spec::Spec;
 use std::path::PathBuf;
 use std::time::Duration;
 
+pub use beacon::{BeaconName, BeamArgs, PowerArgs};
 pub use centroids::CentroidsArgs;
 pub use crosstalk::{CrosstalkArgs, Turns};
 pub use link::{Action, LinkArgs, Place};
@@ -63,6 +65,10 @@ enum Command {
     Scale(ScaleArgs),
     /// Joins the parts of a Strehl run made with --shard, finished or not.
     Merge(MergeArgs),
+    /// Finds the laser power that a Rayleigh and a sodium beacon need: Strehl ratio against power.
+    Power(PowerArgs),
+    /// Compares launch beams: Strehl ratio against waist and size of subapertures.
+    Beam(BeamArgs),
     /// Operates a board over its link.
     Link(LinkArgs),
     /// Makes the paper's figures, the error budget and a page that explains them.
@@ -733,7 +739,7 @@ impl RunArgs {
 }
 
 /// What `--n` takes.
-fn subapertures() -> RangedI64ValueParser<usize> {
+pub(crate) fn subapertures() -> RangedI64ValueParser<usize> {
     RangedI64ValueParser::new().range(MIN_ACROSS as i64..=MAX_ACROSS as i64)
 }
 
@@ -769,6 +775,8 @@ impl Cli {
             Some(Command::Crosstalk(args)) => commands::crosstalk::run(&args),
             Some(Command::Scale(args)) => commands::scale::run(&args),
             Some(Command::Merge(args)) => commands::merge::run(&args),
+            Some(Command::Power(args)) => commands::power::run(&args),
+            Some(Command::Beam(args)) => commands::beam::run(&args),
             Some(Command::Link(args)) => commands::link::run(&args),
             Some(Command::Reproduce(args)) => commands::reproduce::run(&args),
             Some(Command::Endure(args)) => commands::endure::run(&args),

@@ -1,5 +1,6 @@
 //! The commands, one a file.
 
+pub mod beam;
 mod campaign;
 pub mod centroids;
 pub mod closed_loop;
@@ -12,6 +13,7 @@ pub mod gates;
 pub mod link;
 pub mod merge;
 mod output;
+pub mod power;
 pub mod profile;
 mod progress;
 pub mod replay;

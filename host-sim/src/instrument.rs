@@ -13,7 +13,7 @@ use crate::atmosphere::Layer;
 use crate::detector::BadPixel;
 use crate::error::{Error, refuse};
 use crate::optics::geometric::Sensor;
-use crate::pupil::Pupil;
+use crate::pupil::{Obstruction, Pupil};
 use crate::theory;
 use crate::theory::lever_arm::{self, Beacon};
 use clap::ValueEnum;
@@ -58,6 +58,10 @@ pub struct Telescope {
     pub pupil: PupilShape,
     pub obstruction: f64,
     pub spider: bool,
+    pub disc_m: f64,
+    pub vane_width_m: f64,
+    pub vanes: u32,
+    pub vane_angle_deg: f64,
     pub samples: usize,
 }
 
@@ -492,7 +496,25 @@ impl Instrument {
     pub fn pupil(&self) -> Result<Pupil, Error> {
         let (mask, across) = (self.mask()?, self.telescope.subapertures);
         let cells = (0..across * across).map(|i| mask.contains(i % across, i / across)).collect();
-        Ok(Pupil::new(across, self.telescope.samples, self.telescope.pitch_m, cells)?)
+        let telescope = &self.telescope;
+        self.obstructed(Pupil::new(across, telescope.samples, telescope.pitch_m, cells)?)
+    }
+
+    /// The same pupil with what stands in its light.
+    ///
+    /// # Errors
+    /// [`Error::Config`] if no light is left.
+    pub fn obstructed(&self, pupil: Pupil) -> Result<Pupil, Error> {
+        let telescope = &self.telescope;
+        if telescope.disc_m == 0.0 && telescope.vane_width_m == 0.0 {
+            return Ok(pupil);
+        }
+        Ok(pupil.with_obstruction(&Obstruction {
+            disc_m: telescope.disc_m,
+            vane_width_m: telescope.vane_width_m,
+            vanes: telescope.vanes,
+            vane_angle_rad: telescope.vane_angle_deg.to_radians(),
+        })?)
     }
 
     /// The turbulent layers.

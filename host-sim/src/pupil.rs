@@ -20,6 +20,48 @@ pub struct Pupil {
     pitch_m: f64,
     mask: Vec<bool>,
     subapertures: Vec<[usize; 2]>,
+    /// Amplitude of the light at each sample of the grid, `[row][col]`; empty where nothing stands in it.
+    amplitude: Vec<f32>,
+}
+
+/// What stands in the light inside the subapertures: a disc about the axis, and straight vanes from there outwards.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Obstruction {
+    /// Diameter of the disc, m.
+    pub disc_m: f64,
+    /// Width of a vane, m.
+    pub vane_width_m: f64,
+    /// Number of vanes, at equal angles.
+    pub vanes: u32,
+    /// Direction of the first, from +x towards +y, rad.
+    pub vane_angle_rad: f64,
+}
+
+/// Places across a sample at which an obstruction is asked for.
+const PLACES: usize = 16;
+
+impl Obstruction {
+    /// Directions of the vanes.
+    fn directions(&self) -> Vec<[f64; 2]> {
+        let turn = |k: u32| f64::from(k) / f64::from(self.vanes) * std::f64::consts::TAU;
+        let direction = |k: u32| (self.vane_angle_rad + turn(k)).sin_cos();
+        (0..self.vanes).map(direction).map(|(sin, cos)| [cos, sin]).collect()
+    }
+
+    /// The part, 0 to 1, that it covers of a cell of side `cell_m` about a place: an edge at a distance s outside
+    /// of the centre covers 1/2 - s/cell, exact for edges along x or y.
+    fn covers(&self, [x, y]: [f64; 2], cell_m: f64, directions: &[[f64; 2]]) -> f64 {
+        let within = |outside_m: f64| (0.5 - outside_m / cell_m).clamp(0.0, 1.0);
+        let disc = if self.disc_m > 0.0 { within(x.hypot(y) - self.disc_m / 2.0) } else { 0.0 };
+        if self.vane_width_m == 0.0 {
+            return disc;
+        }
+        let vane = |&[cos, sin]: &[f64; 2]| match x * cos + y * sin >= 0.0 {
+            true => within((y * cos - x * sin).abs() - self.vane_width_m / 2.0),
+            false => 0.0,
+        };
+        directions.iter().map(vane).fold(disc, f64::max)
+    }
 }
 
 impl Pupil {
@@ -55,7 +97,66 @@ impl Pupil {
             let limit = "at least one subaperture in use".into();
             return Err(OpticsError::Length { field: "mask".into(), value: 0, limit });
         }
-        Ok(Self { across, samples, pitch_m, mask, subapertures })
+        Ok(Self { across, samples, pitch_m, mask, subapertures, amplitude: vec![] })
+    }
+
+    /// The same pupil behind `obstruction`. A sample that is covered in part has the amplitude of the mean over
+    /// its area: the part that is open.
+    ///
+    /// # Errors
+    /// [`OpticsError`] if no light is left.
+    pub fn with_obstruction(mut self, obstruction: &Obstruction) -> Result<Self, OpticsError> {
+        let side = self.side();
+        let cell_m = self.sample_pitch_m() / PLACES as f64;
+        let offset_m = |k: usize| (k as f64 + 0.5 - PLACES as f64 / 2.0) * cell_m;
+        let directions = obstruction.directions();
+        let open = |k: usize| {
+            let (row, col) = (k / side, k % side);
+            if !self.illuminates(row, col) {
+                return 0.0;
+            }
+            let [x, y] = [col, row].map(|index| self.sample_m(index));
+            let place = |k: usize| [x + offset_m(k % PLACES), y + offset_m(k / PLACES)];
+            let covered = |k: usize| obstruction.covers(place(k), cell_m, &directions);
+            let sum: f64 = (0..PLACES * PLACES).map(covered).sum();
+            (1.0 - sum / (PLACES * PLACES) as f64) as f32
+        };
+        let amplitude: Vec<f32> = (0..side * side).map(open).collect();
+        if amplitude.iter().all(|&amplitude| amplitude == 0.0) {
+            return Err(OpticsError::range("disc_m", obstruction.disc_m, "smaller than the pupil"));
+        }
+        self.amplitude = amplitude;
+        Ok(self)
+    }
+
+    /// Whether anything stands in the light.
+    pub fn is_obstructed(&self) -> bool {
+        !self.amplitude.is_empty()
+    }
+
+    /// Amplitude of the light at sample (row, col): 1 in the open, 0 outside the subapertures in use and behind
+    /// an obstruction, in between where one covers a part.
+    pub fn amplitude(&self, row: usize, col: usize) -> f32 {
+        match self.amplitude.get(row * self.side() + col) {
+            Some(&amplitude) => amplitude,
+            None => f32::from(u8::from(self.illuminates(row, col))),
+        }
+    }
+
+    /// The amplitudes' sum: the open area in samples.
+    pub fn open_samples(&self) -> f64 {
+        match self.amplitude.as_slice() {
+            [] => self.illuminated_samples() as f64,
+            amplitude => amplitude.iter().map(|&a| f64::from(a)).sum(),
+        }
+    }
+
+    /// The sum of the amplitudes' squares.
+    pub(crate) fn power_samples(&self) -> f64 {
+        match self.amplitude.as_slice() {
+            [] => self.illuminated_samples() as f64,
+            amplitude => amplitude.iter().map(|&a| f64::from(a).powi(2)).sum(),
+        }
     }
 
     /// The subapertures whose centre lies inside the circle of diameter N d (52 of 64 for N = 8).
@@ -133,7 +234,7 @@ impl Pupil {
         self.contains(col / self.samples, row / self.samples)
     }
 
-    /// Number of samples in use, M n^2.
+    /// Number of samples in the subapertures in use, M n^2.
     pub fn illuminated_samples(&self) -> usize {
         self.subapertures.len() * self.samples * self.samples
     }

@@ -116,8 +116,9 @@ fn written_and_read_again_it_is_the_same() {
 }
 
 /// For each whole number of the default description: too small, where it can be, and too large.
-const WRONG_COUNTS: [(&str, &[u32]); 18] = [
+const WRONG_COUNTS: [(&str, &[u32]); 20] = [
     ("telescope.subapertures", &[0, 3, 41]),
+    ("telescope.vanes", &[0, 13]),
     ("telescope.samples", &[0, 1, 33]),
     ("laser.slices", &[65]),
     ("laser.pulses_per_frame", &[0, 1_000_001]),

@@ -69,8 +69,9 @@ impl Instrument {
     /// # Errors
     /// As [`Self::electrons_per_spot`].
     pub fn lidar(&self) -> Result<Link, Error> {
-        let Self { laser, photons, telescope, .. } = self;
-        let spots = self.mask()?.count() as f64;
+        let Self { laser, photons, .. } = self;
+        let pupil = self.pupil()?;
+        let spots = pupil.subapertures().len() as f64;
         Ok(Link {
             scatterer: self.scatterer(),
             wavelength_m: laser.wavelength_m,
@@ -80,7 +81,7 @@ impl Instrument {
             zenith_angle_rad: laser.zenith_angle_deg.to_radians(),
             launch_throughput: photons.launch_throughput * self.launch().transmitted(),
             transmission: photons.transmission,
-            area_m2: spots * telescope.pitch_m * telescope.pitch_m,
+            area_m2: pupil.open_samples() * pupil.sample_pitch_m().powi(2),
             receive_throughput: photons.receive_throughput,
             quantum_efficiency: photons.quantum_efficiency,
         })

@@ -37,6 +37,11 @@ impl Instrument {
         within("telescope.subapertures", across, MIN_ACROSS as f64, MAX_ACROSS as f64)?;
         within("telescope.pitch_m", telescope.pitch_m, 1e-3, 100.0)?;
         within("telescope.obstruction", telescope.obstruction, 0.0, 0.99)?;
+        let diameter_m = across * telescope.pitch_m;
+        within("telescope.disc_m", telescope.disc_m, 0.0, 0.99 * diameter_m)?;
+        within("telescope.vane_width_m", telescope.vane_width_m, 0.0, 0.5 * diameter_m)?;
+        within("telescope.vanes", f64::from(telescope.vanes), 1.0, 12.0)?;
+        within("telescope.vane_angle_deg", telescope.vane_angle_deg, -360.0, 360.0)?;
         within("telescope.samples", telescope.samples as f64, 2.0, MAX_SAMPLES as f64)?;
         within("atmosphere.r0_m", atmosphere.r0_m, 1e-4, 1e9)?;
         if atmosphere.r0_wavelength_m != 0.0 {

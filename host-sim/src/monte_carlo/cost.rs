@@ -48,6 +48,7 @@ impl Cost {
         let (n, samples) = (point.n() as f64, pupil.side() as u64);
         // All work is on samples.
         let scale = (pupil.samples() as f64 / 8.0).powi(2);
+        let slices = instrument.slab()?.count() as f64;
         let one = |case: &Case| {
             let (frames, sensing) = match case.until {
                 None if case.comparator == Comparator::Fit => (point.averaged().len(), sensing),
@@ -56,6 +57,10 @@ impl Cost {
                     (point.frames() as usize, Sensing::Geometric)
                 }
                 Some(_) => (point.averaged().len(), Sensing::Geometric),
+            };
+            let slices = match (case.comparator, sensing) {
+                (Comparator::Splash | Comparator::Lgs, Sensing::Images) => slices,
+                _ => 1.0,
             };
             let frame_s = match (case.comparator, sensing) {
                 (Comparator::Splash, Sensing::Images) => {
@@ -66,7 +71,7 @@ impl Cost {
                 }
                 (comparator, sensing) => frame_s(comparator, sensing, n),
             };
-            frames as f64 * scale * frame_s
+            frames as f64 * slices * scale * frame_s
         };
         let loops = cases.iter().map(one);
         let detector = instrument.detector_side() as u64;

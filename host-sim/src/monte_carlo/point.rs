@@ -230,7 +230,7 @@ fn pupil(instrument: &Instrument) -> Result<Pupil, Error> {
     if across <= FIRMWARE_ACROSS {
         return instrument.pupil();
     }
-    Ok(match &telescope.pupil {
+    let pupil = match &telescope.pupil {
         PupilShape::Named(PupilName::Circle) if !telescope.spider => {
             Pupil::circular(across, samples, pitch_m)?
         }
@@ -241,7 +241,8 @@ fn pupil(instrument: &Instrument) -> Result<Pupil, Error> {
             let limit = format!("a circle or square without spider beyond {FIRMWARE_ACROSS}");
             return Err(refuse("telescope.pupil with --n", across, &limit));
         }
-    })
+    };
+    instrument.obstructed(pupil)
 }
 
 /// A point that is ready to run screens, any number at a time.

@@ -66,7 +66,7 @@ impl BlockOtf {
             for lane in 0..LANES.min(n * n - chunk * LANES) {
                 let k = chunk * LANES + lane;
                 let at = k / n * self.stride + n - 1 + k % n;
-                let beam = self.beam[k];
+                let beam = self.beam[k] * path.amplitude_at(iy * n + k / n, ix * n + k % n);
                 (re[at], im[at]) = (beam * cos[lane], beam * phase[lane]);
             }
         }

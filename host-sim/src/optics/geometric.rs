@@ -83,7 +83,7 @@ struct AxisStencils {
     lines: Vec<Stencil>,
     /// The mean over the samples of a subaperture, N.
     blocks: Vec<Stencil>,
-    /// If beams are not uniform, along which `blocks` and edges are those of the pupil only.
+    /// Of beams that are not uniform, N; `lines` and `blocks` are then for the pupil's mean alone.
     beams: Vec<Beam>,
 }
 
@@ -240,7 +240,7 @@ impl GeometricSensor {
                         (0, Some(x), Some(y)) => self.footprint.integrate(&x.gradient, &y.phase),
                         (_, Some(x), Some(y)) => self.footprint.integrate(&x.phase, &y.gradient),
                         (0, ..) => across_x(ix + 1) - across_x(ix),
-                        (_, ..) => across_y(iy + 1) - across_y(iy),
+                        (..) => across_y(iy + 1) - across_y(iy),
                     }
                 };
                 for axis in 0..2 {

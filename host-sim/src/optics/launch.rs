@@ -57,7 +57,7 @@ mod tests {
             let beam = |x: f64| (-2.0 * (x / waist_pitches).powi(2)).exp();
             let integral = |half: f64| -> f64 {
                 let step = 2.0 * half / 1e5;
-                (0..100_000).map(|k| beam((k as f64 + 0.5) * step - half) * step).sum()
+                (0..100_000).map(|k| beam((f64::from(k) + 0.5) * step - half) * step).sum()
             };
             let expected = (integral(0.5) / integral(6.0 * waist_pitches)).powi(2);
             let passes = Launch::Gaussian { waist_pitches }.transmitted();

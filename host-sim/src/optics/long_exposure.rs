@@ -53,14 +53,15 @@ impl LongExposure {
             |scratch, (y, row)| {
                 row.fill(Complex::default());
                 for (x, value) in row[..width].iter_mut().enumerate() {
-                    if pupil.illuminates(y, x) {
-                        *value = Complex::cis(phase[y * width + x]);
+                    let amplitude = pupil.amplitude(y, x);
+                    if amplitude > 0.0 {
+                        *value = Complex::cis(phase[y * width + x]) * amplitude;
                     }
                 }
                 fft.process_with_scratch(row, scratch);
             },
         );
-        let norm = 1.0 / (pupil.illuminated_samples() as f64).powi(2);
+        let norm = 1.0 / pupil.open_samples().powi(2);
         let rows = &self.rows;
         self.sum.par_chunks_exact_mut(STRIP * side).enumerate().for_each_init(
             || (vec![Complex::default(); STRIP * side], scratch()),

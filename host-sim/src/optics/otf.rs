@@ -35,7 +35,8 @@ impl Lags {
 pub(crate) struct PathPhase<'a> {
     /// Phase in rad that all spots share, `[group][col][lane]`.
     pub(crate) common: &'a [f32],
-    /// One at the samples in use, zero elsewhere, `[group][col][lane]`.
+    /// Amplitude at the samples, zero outside the pupil, `[group][col][lane]`; empty if it is one in all
+    /// subapertures that are looked through one by one.
     pub(crate) mask: &'a [f32],
     /// Number of columns, S.
     pub(crate) side: usize,
@@ -82,6 +83,13 @@ impl PathPhase<'_> {
                 im[at] = simd.mul_f32s(sin, mask[at]);
             }
         }
+    }
+
+    /// Amplitude at one sample.
+    #[inline(always)]
+    pub(crate) fn amplitude_at(&self, row: usize, col: usize) -> f32 {
+        let (group, lane) = (row / LANES, row % LANES);
+        self.mask.get((group * self.side + col) * LANES + lane).copied().unwrap_or(1.0)
     }
 
     /// Phase at one sample.

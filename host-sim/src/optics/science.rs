@@ -33,8 +33,10 @@ pub struct Science {
     inverse: [[f64; 3]; 3],
     /// Of a column or row of samples, in units of half the grid's side.
     coordinates: Vec<f64>,
-    /// One at the samples in use, zero elsewhere, `[row][col]`.
+    /// One at the samples that have light, zero elsewhere, `[row][col]`.
     lit: Vec<f32>,
+    /// Their amplitudes, by which the sums are weighted.
+    amplitude: Vec<f32>,
     sampler: PhaseSampler,
     mirror: Vec<f32>,
     residual: Vec<f32>,
@@ -67,14 +69,16 @@ impl Science {
         let half_m = pupil.diameter_m() / 2.0;
         let coordinates: Vec<f64> = (0..side).map(|k| pupil.sample_m(k) / half_m).collect();
         let mut normal = [[0.0; 3]; 3];
+        let amplitude: Vec<f32> =
+            (0..side * side).map(|k| pupil.amplitude(k / side, k % side)).collect();
         let mut lit = vec![0.0; side * side];
         for (k, lit) in lit.iter_mut().enumerate() {
-            if pupil.illuminates(k / side, k % side) {
+            if amplitude[k] > 0.0 {
                 *lit = 1.0;
                 let basis = [1.0, coordinates[k % side], coordinates[k / side]];
                 for (row, a) in normal.iter_mut().zip(basis) {
                     for (sum, b) in row.iter_mut().zip(basis) {
-                        *sum += a * b;
+                        *sum += f64::from(amplitude[k]) * a * b;
                     }
                 }
             }
@@ -92,6 +96,7 @@ impl Science {
             inverse: invert(normal),
             coordinates,
             lit,
+            amplitude,
             sampler: PhaseSampler::default(),
             mirror: vec![0.0; side * side],
             residual: vec![0.0; side * side],
@@ -110,7 +115,7 @@ impl Science {
         time_s: f64,
         mirror: &Mirror,
     ) -> Observation {
-        let Self { pupil, coordinates, lit, residual, columns, .. } = self;
+        let Self { pupil, coordinates, lit, amplitude, residual, columns, .. } = self;
         self.sampler.sample(Path::Star, pupil, atmosphere, time_s, residual);
         mirror.phase(pupil, &mut self.mirror);
         let ratio = self.phase_ratio as f32;
@@ -118,12 +123,12 @@ impl Science {
             *phase = lit * (ratio * (*phase - mirror));
         }
         let arch = Arch::new();
-        let moments = arch.dispatch(|| columns.moments(residual, coordinates));
+        let moments = arch.dispatch(|| columns.moments(residual, amplitude, coordinates));
         let plane =
             self.inverse.map(|row| row.iter().zip(moments).map(|(a, b)| a * b).sum::<f64>());
         let [square, re, im] =
-            arch.dispatch(Flatten { plane, coordinates, lit, residual, columns });
-        let count = pupil.illuminated_samples() as f64;
+            arch.dispatch(Flatten { plane, coordinates, lit, amplitude, residual, columns });
+        let count = pupil.open_samples();
         let half_m = pupil.diameter_m() / 2.0;
         Observation {
             variance_rad2: square / count,
@@ -143,13 +148,18 @@ impl Science {
 impl Columns {
     /// Sums of phase, x phase and y phase.
     #[inline(always)]
-    fn moments(&mut self, phase: &[f32], coordinates: &[f64]) -> [f64; 3] {
+    fn moments(&mut self, phase: &[f32], amplitude: &[f32], coordinates: &[f64]) -> [f64; 3] {
         let [sums, sums_y, _] = &mut self.sums;
         sums.fill(0.0);
         sums_y.fill(0.0);
-        for (row, y) in phase.chunks_exact(coordinates.len()).zip(coordinates) {
-            for ((sum, sum_y), &phase) in sums.iter_mut().zip(sums_y.iter_mut()).zip(row) {
-                let phase = f64::from(phase);
+        let side = coordinates.len();
+        let rows = phase.chunks_exact(side).zip(amplitude.chunks_exact(side));
+        for ((row, amplitude), y) in rows.zip(coordinates) {
+            let row = row.iter().zip(amplitude);
+            for ((sum, sum_y), (&phase, &amplitude)) in
+                sums.iter_mut().zip(sums_y.iter_mut()).zip(row)
+            {
+                let phase = f64::from(amplitude * phase);
                 *sum += phase;
                 *sum_y += y * phase;
             }
@@ -164,6 +174,7 @@ struct Flatten<'a> {
     plane: [f64; 3],
     coordinates: &'a [f64],
     lit: &'a [f32],
+    amplitude: &'a [f32],
     residual: &'a mut [f32],
     columns: &'a mut Columns,
 }
@@ -173,13 +184,15 @@ impl WithSimd for Flatten<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> [f64; 3] {
-        let Self { plane: [piston, slope_x, slope_y], coordinates, lit, residual, columns } = self;
+        let Self { plane, coordinates, lit, amplitude, residual, columns } = self;
+        let [piston, slope_x, slope_y] = plane;
         let Columns { phase: line, sin, cos, sums } = columns;
         let side = coordinates.len();
         sums.iter_mut().for_each(|sums| sums.fill(0.0));
         let [squares, cosines, sines] = sums;
-        let rows = residual.chunks_exact_mut(side).zip(lit.chunks_exact(side)).zip(coordinates);
-        for ((row, lit), y) in rows {
+        let light = lit.chunks_exact(side).zip(amplitude.chunks_exact(side));
+        let rows = residual.chunks_exact_mut(side).zip(light).zip(coordinates);
+        for ((row, (lit, amplitude)), y) in rows {
             let fitted = piston + slope_y * y;
             for (((phase, lit), x), kept) in
                 row.iter_mut().zip(lit).zip(coordinates).zip(&mut *line)
@@ -192,10 +205,10 @@ impl WithSimd for Flatten<'_> {
             for ((sin, cos), &phase) in vectors.zip(phases) {
                 (*sin, *cos) = sin_cos(simd, phase);
             }
-            for (k, lit) in lit.iter().enumerate() {
-                squares[k] += f64::from(row[k]).powi(2);
-                cosines[k] += f64::from(lit * cos[k]);
-                sines[k] += f64::from(sin[k]);
+            for (k, amplitude) in amplitude.iter().enumerate() {
+                squares[k] += f64::from(*amplitude) * f64::from(row[k]).powi(2);
+                cosines[k] += f64::from(amplitude * cos[k]);
+                sines[k] += f64::from(amplitude * sin[k]);
             }
         }
         [squares, cosines, sines].map(|sums| sums.iter().sum())

@@ -8,7 +8,7 @@
 //! - **down**: from (x_i, z) the telescope that is focused at H receives exp(i (phi_z + k e |x - x_i|^2 / 2)) over
 //!   the whole pupil: a blur e D wide about -e x_i (perspective: the point is seen at another angle), which is
 //!   the larger by D/d. It is the telescope's depth of focus, about lambda H^2 / (d D) for spots of lambda/d,
-//!   that limits the gate's depth: 77 m for d = 0.5 m, D = 4 m, H = 12 km at 532 nm.
+//!   that limits the gate's depth: 38 m for d = 0.5 m, D = 4 m, H = 12 km at 532 nm.
 //!
 //! Only the product OTF_up conj(OTF_down) counts, and a gradient common to both leaves it as it is: the terms
 //! linear in x_i cancel, and the phase k e |x|^2 / 2 about the telescope's axis on both paths is the whole
@@ -109,6 +109,11 @@ impl Slab {
         let blur_rad = depth_m * diameter_m / (focus_m * focus_m);
         let turn_rad = TAU * blur_rad * pitch_m / wavelength_m;
         ((turn_rad / 8.0).ceil() as usize + 2).min(MAX_SLICES)
+    }
+
+    /// Number of slices.
+    pub fn count(&self) -> usize {
+        self.slices.len()
     }
 
     /// Whether all light comes from the focus.

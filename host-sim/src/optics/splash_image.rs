@@ -30,10 +30,12 @@ pub struct SplashCamera {
     beacon_height_m: f64,
     slab: Slab,
     window: usize,
+    /// Of the pupil.
+    power_samples: f64,
     pupil_otf: PupilOtf,
     block_otf: BlockOtf,
     focal_plane: FocalPlane,
-    /// One at the samples in use, `[group][col][lane]`.
+    /// Amplitude at the samples, `[group][col][lane]`.
     mask: Vec<f32>,
     sampler: PhaseSampler,
     footprint: Footprint,
@@ -95,7 +97,7 @@ impl SplashCamera {
         let focal_plane = FocalPlane::checked(samples, window, pixels_per_lambda_d)?;
         let mut illuminated = vec![0.0; side * side];
         for (k, value) in illuminated.iter_mut().enumerate() {
-            *value = f32::from(u8::from(pupil.illuminates(k / side, k % side)));
+            *value = pupil.amplitude(k / side, k % side);
         }
         let lanes = side.div_ceil(LANES) * LANES * side;
         let mut mask = vec![0.0; lanes];
@@ -104,6 +106,7 @@ impl SplashCamera {
             pupil: pupil.clone(),
             beacon_height_m,
             window,
+            power_samples: pupil.power_samples(),
             pupil_otf: PupilOtf::new(pupil),
             block_otf: BlockOtf::new(samples, Launch::Uniform),
             focal_plane,
@@ -174,8 +177,8 @@ impl SplashCamera {
     }
 
     /// The images at `time_s` with `mirror` in the pupil on both paths: `[spot][row][column]`,
-    /// the fraction of that spot's light that falls on each pixel; what is not lit is left alone. The same
-    /// to the bit for any number of threads.
+    /// the fraction of the light of a spot with nothing in its beam that falls on each pixel; what is not
+    /// lit is left alone. The same to the bit for any number of threads.
     ///
     /// # Panics
     /// If `images` is not spots x W x W, `mirror` does not have one segment per spot, `time_s` is
@@ -395,9 +398,9 @@ impl WithSimd for Spot<'_> {
         let Self { camera, path, subaperture, scratch, weight, total } = self;
         let Scratch { block, up, down, .. } = scratch;
         camera.block_otf.lags(simd, path, subaperture, block, up);
-        // Each transfer function is one at lag zero.
+        // Each transfer function is one at lag zero; less on the way up where something stands in the beam.
         let block_samples = camera.pupil.samples() * camera.pupil.samples();
-        let norm = 1.0 / (block_samples * camera.pupil.illuminated_samples()) as f32;
+        let norm = 1.0 / (block_samples as f64 * camera.power_samples) as f32;
         let totals = total.re.iter_mut().zip(&mut total.im);
         let ups = up.re.iter().zip(&up.im);
         for (((total_re, total_im), (up_re, up_im)), (re, im)) in

@@ -4,8 +4,9 @@
 //! of that subaperture alone, |FT of exp(i phi) over subaperture i|^2, with phi the phase along the
 //! path less the mirror's: phi_h(x) for a star, phi_h(b x) for a beacon on the axis, b = 1 - h/H.
 //! The images are normalised and sampled as those of SPLASH's spots, so that the two differ in their
-//! physics only. The light of a deep beacon comes in slices ([`slab`](super::slab)): seen through subaperture
-//! i, one out of focus is displaced by e x_i, e = 1/z - 1/H, and blurred by e d. Against a direct sum over the samples in double precision: 6e-7 of the peak.
+//! physics only. Against a direct sum over the samples in double precision: 6e-7 of the peak. The light of a
+//! deep beacon comes in slices ([`slab`](super::slab)): seen through subaperture i, one out of focus is
+//! displaced by e x_i, e = 1/z - 1/H, and blurred by e d.
 
 use super::OpticsError;
 use super::block_otf::{BlockOtf, BlockOtfScratch};
@@ -34,6 +35,8 @@ pub struct SubapertureCamera {
     phase: Vec<f32>,
     mirror: Vec<f32>,
     lanes: Vec<f32>,
+    /// Amplitude at the samples, in lanes; empty where nothing stands in the light.
+    mask: Vec<f32>,
     /// The images' transfer functions, summed over the slices.
     totals: Vec<Lags>,
 }
@@ -72,6 +75,7 @@ impl SubapertureCamera {
             phase: vec![0.0; side * side],
             mirror: vec![0.0; side * side],
             lanes: vec![0.0; side.div_ceil(LANES) * LANES * side],
+            mask: if pupil.is_obstructed() { mask(pupil) } else { vec![] },
             totals: vec![Lags::new(samples); pupil.subapertures().len()],
         })
     }
@@ -162,8 +166,7 @@ impl SubapertureCamera {
         }
         to_lanes(&self.phase, side, &mut self.lanes);
         let camera = &*self;
-        // A subaperture in use is lit all over: nothing is masked.
-        let path = PathPhase { common: &camera.lanes, mask: &[], side, high: &[] };
+        let path = PathPhase { common: &camera.lanes, mask: &camera.mask, side, high: &[] };
         let arch = Arch::new();
         let scratch = || Scratch {
             block: camera.block_otf.scratch(),
@@ -176,6 +179,15 @@ impl SubapertureCamera {
             },
         );
     }
+}
+
+/// Amplitude at the samples, in lanes.
+fn mask(pupil: &Pupil) -> Vec<f32> {
+    let side = pupil.side();
+    let rows: Vec<f32> = (0..side * side).map(|k| pupil.amplitude(k / side, k % side)).collect();
+    let mut lanes = vec![0.0; side.div_ceil(LANES) * LANES * side];
+    to_lanes(&rows, side, &mut lanes);
+    lanes
 }
 
 /// The transfer function through one subaperture.
@@ -197,7 +209,7 @@ impl WithSimd for Spot<'_> {
         let Self { camera, path, subaperture, scratch, weight, total } = self;
         let Scratch { block, otf } = scratch;
         camera.block_otf.lags(simd, path, subaperture, block, otf);
-        // The transfer function is one at lag zero.
+        // The transfer function is one at lag zero, if nothing stands in the light.
         let norm = 1.0 / (camera.pupil.samples() * camera.pupil.samples()) as f32;
         for (total, part) in [(&mut total.re, &otf.re), (&mut total.im, &otf.im)] {
             for (total, value) in total.iter_mut().zip(part) {
