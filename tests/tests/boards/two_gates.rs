@@ -2,7 +2,7 @@
 
 use super::emulated::or_skip;
 use host_sim::board::remote::Remote;
-use host_sim::board::{BoardError, Frame, Options, ibex, in_process, qemu};
+use host_sim::board::{Board, BoardError, Frame, Options, ibex, in_process, qemu};
 use splash_firmware::centroid::Measurement;
 use splash_firmware::spec::Spec;
 use splash_tests::frames::{Rng, steered};
