@@ -10,6 +10,7 @@ mod schedule;
 mod windows;
 
 use crate::atmosphere::Layer;
+use crate::cn2::{self, Profile};
 use crate::detector::BadPixel;
 use crate::error::{Error, refuse};
 use crate::optics::geometric::Sensor;
@@ -17,6 +18,7 @@ use crate::pupil::{Obstruction, Pupil};
 use crate::theory;
 use crate::theory::lever_arm::{self, Beacon};
 use clap::ValueEnum;
+use limits::{MAX_PROFILE_LAYERS, within};
 pub use schedule::{Colours, Lattice, LatticeName, PowerName, ScheduleSection};
 use serde::{Deserialize, Serialize};
 use splash_firmware::geometry::Mask;
@@ -25,6 +27,13 @@ pub use windows::{LayoutName, Windows};
 
 /// The default instrument, with a comment for every field.
 pub const DEFAULT_TOML: &str = include_str!("default.toml");
+
+/// No other profile than the description's layers.
+const LAYERS: &str = "layers";
+
+fn layers() -> String {
+    LAYERS.into()
+}
 
 /// An instrument. Fields are documented in [`DEFAULT_TOML`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -94,6 +103,11 @@ pub enum PupilName {
 pub struct AtmosphereSection {
     pub r0_m: f64,
     pub r0_wavelength_m: f64,
+    /// [`LAYERS`] once the description has been read: a profile's layers have taken the place of the others.
+    #[serde(default = "layers", skip_serializing)]
+    pub profile: String,
+    #[serde(default, skip_serializing)]
+    pub profile_layers: usize,
     pub layers: Vec<LayerSection>,
 }
 
@@ -396,7 +410,7 @@ impl Instrument {
         let name = file.display().to_string();
         let text = std::fs::read_to_string(file)
             .map_err(|source| Error::Config(format!("{name}: {source}")))?;
-        Self::parse(&text, &name)
+        Self::parse_in(&text, &name, file.parent())
     }
 
     /// The instrument described in `file`, or the default one.
@@ -412,9 +426,65 @@ impl Instrument {
     /// # Errors
     /// As [`Instrument::load`].
     pub fn parse(text: &str, name: &str) -> Result<Self, Error> {
+        Self::parse_in(text, name, None)
+    }
+
+    /// The same, where a profile's file is looked for in `directory`.
+    fn parse_in(text: &str, name: &str, directory: Option<&Path>) -> Result<Self, Error> {
         let mut merged = table(DEFAULT_TOML, "default")?;
-        lay_over(&mut merged, table(text, name)?);
-        merged.try_into().map_err(|error| Error::Config(format!("{name}: {}", in_words(&error))))
+        let given = table(text, name)?;
+        let own = given.get("atmosphere").is_some_and(|section| section.get("layers").is_some());
+        lay_over(&mut merged, given);
+        let mut instrument: Self = merged
+            .try_into()
+            .map_err(|error| Error::Config(format!("{name}: {}", in_words(&error))))?;
+        if instrument.atmosphere.profile != LAYERS {
+            if own {
+                let profile = &instrument.atmosphere.profile;
+                return Err(refuse(
+                    "atmosphere.profile",
+                    profile,
+                    "without atmosphere.layers beside it",
+                ));
+            }
+            instrument.take_profile(directory)?;
+        }
+        Ok(instrument)
+    }
+
+    /// Puts a profile's layers in place of the others.
+    fn take_profile(&mut self, directory: Option<&Path>) -> Result<(), Error> {
+        let AtmosphereSection { profile, profile_layers, .. } = &self.atmosphere;
+        within("atmosphere.profile_layers", *profile_layers as f64, 0.0, MAX_PROFILE_LAYERS)?;
+        let (layers, count) = match Profile::named(profile) {
+            Some(named) => (named.layers(self.laser.beacon_height_m), named.default_count()),
+            None if profile.ends_with(".csv") => {
+                let path = directory.unwrap_or_else(|| Path::new("")).join(profile);
+                (cn2::read(&path)?, 0)
+            }
+            None => {
+                let names = Profile::ALL.map(Profile::name).join(", ");
+                let limit = format!("{LAYERS}, {names}, or the name of a file that ends in .csv");
+                return Err(refuse("atmosphere.profile", profile, &limit));
+            }
+        };
+        let count = if *profile_layers > 0 { *profile_layers } else { count };
+        let section = |l: &Layer| LayerSection {
+            weight: l.weight,
+            height_m: l.height_m,
+            wind_speed_m_per_s: l.wind_speed_m_per_s,
+            wind_direction_deg: l.wind_direction_deg,
+        };
+        // Values that no layer may have are kept as they are, to be refused by name.
+        let strange = |l: &Layer| !(l.weight >= 0.0 && l.height_m >= 0.0);
+        let layers = if layers.iter().any(strange) { layers } else { cn2::reduced(&layers, count) };
+        self.atmosphere = AtmosphereSection {
+            layers: layers.iter().map(section).collect(),
+            profile: LAYERS.into(),
+            profile_layers: 0,
+            ..self.atmosphere
+        };
+        Ok(())
     }
 
     /// The same instrument with a detector that adds nothing: no read noise, no dark charge, and

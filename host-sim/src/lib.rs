@@ -21,6 +21,7 @@
 //! | [`closed_loop`] | all of them, frame after frame |
 //! | [`endurance`] | a run by the million frames, and what must hold for ever |
 //! | [`fault_campaign`] | faults by the thousand in a closed loop, and what must hold |
+//! | [`cn2`] | turbulence profiles by name, and fewer layers in their place |
 //! | [`summary`] | averages, digest and faults of a run |
 //! | [`monte_carlo`] | Strehl ratios over independent screens, for all sensors, and their error budgets |
 //! | [`theory`] | what each sensor can sense, by equations |
@@ -34,6 +35,7 @@ pub mod calibration;
 pub mod centroid_study;
 pub mod cli;
 pub mod closed_loop;
+pub mod cn2;
 pub mod commands;
 pub mod detector;
 pub mod endurance;

@@ -1,6 +1,7 @@
 //! Instrument descriptions: what a file changes, what a pupil looks like, what is refused.
 
-use host_sim::instrument::{DEFAULT_TOML, Instrument, PupilShape};
+use host_sim::instrument::{DEFAULT_TOML, Instrument, LeverArm, PupilShape};
+use host_sim::optics::geometric::Sensor;
 use splash_firmware::geometry::Mask;
 
 fn parse(toml: &str) -> Instrument {
@@ -116,7 +117,8 @@ fn written_and_read_again_it_is_the_same() {
 }
 
 /// For each whole number of the default description: too small, where it can be, and too large.
-const WRONG_COUNTS: [(&str, &[u32]); 20] = [
+const WRONG_COUNTS: [(&str, &[u32]); 21] = [
+    ("atmosphere.profile_layers", &[101]),
     ("telescope.subapertures", &[0, 3, 41]),
     ("telescope.vanes", &[0, 13]),
     ("telescope.samples", &[0, 1, 33]),
@@ -258,4 +260,65 @@ fn masks_are_the_firmware_s() {
     let annulus = parse("[telescope]\npupil = \"annulus\"\nobstruction = 0.25\nspider = true");
     let expected = Mask::annulus(8, 0.25).unwrap().with_spider();
     assert_eq!(annulus.mask().unwrap(), expected);
+}
+
+/// w b / w b^2 = 0.9 / 0.825 with the default's layers; 1 for a star; numbers are everybody's.
+#[test]
+fn a_lever_arm_by_name_follows_the_sensor() {
+    let named = parse("[control]\nlever_arm = \"profile\"");
+    for (sensor, expected) in
+        [(Sensor::Splash, 0.9 / 0.825), (Sensor::Lgs, 0.9 / 0.825), (Sensor::Ngs, 1.0)]
+    {
+        assert!((named.lever_arm(sensor).unwrap() - expected).abs() < 1e-15);
+        let set = named.clone().with_lever_arm_of(sensor).unwrap();
+        assert_eq!(set.control.lever_arm, LeverArm::Factor(named.lever_arm(sensor).unwrap()));
+        assert_eq!(parse("[control]\nlever_arm = 1.2").lever_arm(sensor).unwrap(), 1.2);
+    }
+    let best = parse("[control]\nlever_arm = \"best\"");
+    assert!(best.lever_arm(Sensor::Splash).unwrap() > named.lever_arm(Sensor::Splash).unwrap());
+    let wrong = Instrument::parse("[control]\nlever_arm = \"most\"", "x").unwrap_err().to_string();
+    assert!(wrong.contains("a number, \"profile\" or \"best\""), "{wrong}");
+    let high = "[laser]\nbeacon_height_m = 3100\n[control]\nlever_arm = \"profile\"";
+    let high = parse(high).lever_arm(Sensor::Splash).unwrap_err().to_string();
+    assert!(high.contains("control.lever_arm = profile") && high.contains("0.968"), "{high}");
+}
+
+/// A profile's layers take the place of the others; what is written has them and no name.
+#[test]
+fn profiles_by_name_and_from_a_table() {
+    let paper = parse("[atmosphere]\nprofile = \"paper\"");
+    assert_eq!(paper, Instrument::standard().unwrap());
+    let count = |toml: &str| parse(&format!("[atmosphere]\n{toml}")).atmosphere.layers.len();
+    assert_eq!(count("profile = \"hufnagel-valley-57\""), 10);
+    assert_eq!(count("profile = \"eso-median-35\""), 35);
+    assert_eq!(count("profile = \"eso-median-35\"\nprofile_layers = 6"), 6);
+    let six = parse("[atmosphere]\nprofile = \"mauna-kea-7\"\nprofile_layers = 6");
+    six.check().unwrap();
+    assert_eq!(parse(&six.to_toml().unwrap()), six);
+
+    let place = tempfile::tempdir().unwrap();
+    let (description, table) = (place.path().join("site.toml"), place.path().join("cn2.csv"));
+    std::fs::write(&description, "[atmosphere]\nprofile = \"cn2.csv\"\n").unwrap();
+    std::fs::write(&table, "weight,height_m,wind_speed_m_per_s\n1,5000,20\n3,0,5\n").unwrap();
+    let layers = Instrument::load(&description).unwrap().atmosphere.layers;
+    let found: Vec<_> =
+        layers.iter().map(|l| [l.height_m, l.weight, l.wind_speed_m_per_s]).collect();
+    assert_eq!(found, [[0.0, 3.0, 5.0], [5000.0, 1.0, 20.0]]);
+    std::fs::write(&table, "weight,height_m\n1,-5\n").unwrap();
+    let error = Instrument::load(&description).unwrap().check().unwrap_err().to_string();
+    assert!(error.contains("atmosphere.layers[0].height_m = -5"), "{error}");
+    std::fs::write(&table, "weight,height\n1,5\n").unwrap();
+    let error = Instrument::load(&description).unwrap_err();
+    assert!(error.exit_code() == 2 && error.to_string().contains("no column height_m"), "{error}");
+
+    for (toml, words) in [
+        ("profile = \"hufnagel\"", ["atmosphere.profile = hufnagel", "hufnagel-valley-57"]),
+        ("profile = \"none.csv\"", ["none.csv", ""]),
+        ("profile = \"paper\"\nlayers = []", ["atmosphere.profile = paper", "atmosphere.layers"]),
+        ("profile = \"paper\"\nprofile_layers = 101", ["profile_layers = 101", "100"]),
+    ] {
+        let error =
+            Instrument::parse(&format!("[atmosphere]\n{toml}"), "x").unwrap_err().to_string();
+        assert!(words.iter().all(|word| error.contains(word)), "{toml}: {error}");
+    }
 }

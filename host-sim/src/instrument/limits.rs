@@ -17,6 +17,9 @@ use splash_firmware::schedule::MAX_COLOURS;
 /// Pixels on a side of the largest detector that the firmware reads.
 pub(super) const MAX_DETECTOR_SIDE: usize = 4096;
 
+/// Layers that a profile may be reduced to: each is a screen to draw and to look through.
+pub(super) const MAX_PROFILE_LAYERS: f64 = 100.0;
+
 impl Instrument {
     /// Refuses the first value that is out of its limits.
     ///
@@ -47,6 +50,8 @@ impl Instrument {
         if atmosphere.r0_wavelength_m != 0.0 {
             within("atmosphere.r0_wavelength_m", atmosphere.r0_wavelength_m, 1e-7, 1e-4)?;
         }
+        let profile_layers = atmosphere.profile_layers as f64;
+        within("atmosphere.profile_layers", profile_layers, 0.0, MAX_PROFILE_LAYERS)?;
         for (index, layer) in atmosphere.layers.iter().enumerate() {
             let check = |field: &str, value, from, to| {
                 within(&format!("atmosphere.layers[{index}].{field}"), value, from, to)
@@ -237,7 +242,7 @@ fn ceil_tenth(angle: f64) -> f64 {
 }
 
 /// Refuses what is outside, and what is not a number.
-fn within(field: &str, value: f64, from: f64, to: f64) -> Result<(), Error> {
+pub(super) fn within(field: &str, value: f64, from: f64, to: f64) -> Result<(), Error> {
     if value >= from && value <= to {
         return Ok(());
     }

@@ -30,6 +30,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use splash_firmware::geometry::Mask;
 use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
 
 /// Subapertures across the array that stands for all.
 const ACROSS: usize = 8;
@@ -50,23 +51,34 @@ pub fn alone(layers: &[Layer]) -> f64 {
 
 /// f that leaves least of the wavefront's variance, betas in [`super::BETAS`].
 pub fn least_variance(layers: &[Layer], beacon: Beacon) -> f64 {
-    let mask = Mask::circle(ACROSS).expect("a size that the firmware takes");
-    let subapertures = Squares::subapertures(&mask);
-    let weights = variance(&subapertures);
-    let mut known: BTreeMap<u64, [f64; 2]> = BTreeMap::new();
     let mut sums = [0.0; 2];
     for &Layer { weight, beta } in layers.iter().filter(|layer| layer.weight > 0.0) {
-        let [cross, own] = *known.entry(beta.to_bits()).or_insert_with(|| {
-            let covariances = match beacon {
-                Beacon::Lgs => one_way(&subapertures, &subapertures.lgs(beta)),
-                Beacon::Splash => both_ways(&subapertures, beta),
-            };
-            covariances.map(|covariances| weights.dot(&covariances))
-        });
+        let [cross, own] = variances(beacon, beta);
         sums[0] += weight * beta * cross;
         sums[1] += weight * beta * beta * own;
     }
     sums[0] / sums[1]
+}
+
+/// <(R g) (R s)> and <(R s)^2> of a layer, without the lever arm: a tenth of a second or so for SPLASH, and
+/// remembered, for every sensor, law and size of a run asks for the same.
+fn variances(beacon: Beacon, beta: f64) -> [f64; 2] {
+    static KNOWN: Mutex<BTreeMap<(bool, u64), [f64; 2]>> = Mutex::new(BTreeMap::new());
+    let key = (beacon == Beacon::Splash, beta.to_bits());
+    // Whoever panicked while it was locked left it whole.
+    if let Some(&known) = KNOWN.lock().unwrap_or_else(PoisonError::into_inner).get(&key) {
+        return known;
+    }
+    let mask = Mask::circle(ACROSS).expect("a size that the firmware takes");
+    let subapertures = Squares::subapertures(&mask);
+    let weights = variance(&subapertures);
+    let covariances = match beacon {
+        Beacon::Lgs => one_way(&subapertures, &subapertures.lgs(beta)),
+        Beacon::Splash => both_ways(&subapertures, beta),
+    };
+    let found = covariances.map(|covariances| weights.dot(&covariances));
+    KNOWN.lock().unwrap_or_else(PoisonError::into_inner).insert(key, found);
+    found
 }
 
 /// R^T R over the number of segments: its sum with the covariances of gradients is the variance that the mirror
@@ -210,9 +222,9 @@ mod tests {
         }
     }
 
-    /// An LGS sees phi(b x): of a quadratic phase b^2 of it, and f = 1 / b^2; of what is finer than 1 - b of its
-    /// place in the pupil, nothing that helps, and f tends to zero. SPLASH sees things where they are, less the way
-    /// back, which takes from what the lever arm leaves: its f is larger, and above that of the lever arm alone.
+    /// An LGS sees phi(b x), of a quadratic phase b^2 of it, which asks for f = 1 / b^2, and of finer ones something
+    /// else than is there, which asks for less. SPLASH sees things where they are, less the way back, which takes
+    /// from what the lever arm leaves: its f is larger, and above that of the lever arm alone.
     #[test]
     fn the_way_back_asks_for_more() {
         for (weight, beta) in [(0.4, 0.75), (1.0, 0.75), (0.5, 0.9)] {
