@@ -91,7 +91,7 @@ pub enum PupilName {
 #[allow(missing_docs, reason = "documented once, in the default file that users read")]
 pub struct AtmosphereSection {
     pub r0_m: f64,
-    /// [`LAYERS`] once the description has been read: a profile's layers have taken the place of the others.
+    /// "layers" once the description has been read: a profile's layers have taken the place of the others.
     #[serde(default = "layers", skip_serializing)]
     pub profile: String,
     #[serde(default, skip_serializing)]
