@@ -103,7 +103,7 @@ pub enum PupilName {
 pub struct AtmosphereSection {
     pub r0_m: f64,
     pub r0_wavelength_m: f64,
-    /// [`LAYERS`] once the description has been read: a profile's layers have taken the place of the others.
+    /// "layers" once the description has been read: a profile's layers have taken the place of the others.
     #[serde(default = "layers", skip_serializing)]
     pub profile: String,
     #[serde(default, skip_serializing)]

@@ -16,10 +16,14 @@
 //! leaves least of R g: exact covariances of Kolmogorov turbulence, those of [`super::covariance`]. With u for the
 //! way up and r for the way back, s_k = b_k (u_k - r_k),
 //!
-//! <s s> = sum_k w_k b_k^2 (<u u> - <u r> - <r u> + <r r>),  <g s> = sum_k w_k b_k (<g u> - <g r>).
+//! ```text
+//! <s s> = sum_k w_k b_k^2 (<u u> - <u r> - <r u> + <r r>),  <g s> = sum_k w_k b_k (<g u> - <g r>)
+//! ```
 //!
 //! Turbulence has no scale: f depends on the number of subapertures only through how finely they sample it, and an
-//! array of 8 across stands for all.
+//! array of 8 across stands for all. R g is smaller than the wavefront itself, whatever the sensor: in the paper's
+//! setting f is 1.101, and 200 screens have the least residual at 1.17 for N = 8 and 1.13 for N = 16, between which
+//! and 1.101 there are 3 % and 1 % of the variance.
 
 use super::covariance::{SquarePair, matrix};
 use super::residuals::Layer;
@@ -60,8 +64,8 @@ pub fn least_variance(layers: &[Layer], beacon: Beacon) -> f64 {
     sums[0] / sums[1]
 }
 
-/// <(R g) (R s)> and <(R s)^2> of a layer, without the lever arm: a tenth of a second or so for SPLASH, and
-/// remembered, for every sensor, law and size of a run asks for the same.
+/// <(R g) (R s)> and <(R s)^2> of a layer, without the lever arm: 0.7 s of one core for SPLASH, and remembered,
+/// for every sensor, law and size of a run asks for the same.
 fn variances(beacon: Beacon, beta: f64) -> [f64; 2] {
     static KNOWN: Mutex<BTreeMap<(bool, u64), [f64; 2]>> = Mutex::new(BTreeMap::new());
     let key = (beacon == Beacon::Splash, beta.to_bits());
