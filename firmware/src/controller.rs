@@ -657,6 +657,13 @@ impl<const M: usize, const B: usize, const K: usize> Controller<M, B, K> {
         &mut self.pipeline
     }
 
+    /// Opens the loop at once, past the guard, for a bench without a mirror: see [`Pipeline::reset`]. The next
+    /// frame may have any number.
+    pub fn reset_bench<const P: usize>(&mut self, config: &Config<M, P, B, K>) {
+        self.numbers = FrameCounter::new();
+        self.pipeline.reset(config);
+    }
+
     /// The DAC codes: valid at any time.
     #[must_use]
     pub fn codes(&self) -> &[[u16; ACTUATORS]] {

@@ -54,7 +54,9 @@ impl Cluster {
         cluster.wait("munged's socket", |cluster| cluster.at("munge.socket").exists());
         cluster.daemon("slurmctld", &[&configured[..], &["-c".into()]].concat());
         cluster.daemon("slurmd", &[&configured[..], &["-N".into(), host()]].concat());
-        cluster.wait("the node", |cluster| cluster.says("sinfo", &["-h", "-o", "%T"]) == "idle");
+        cluster.wait("the node", |cluster| {
+            cluster.says("sinfo", &["-h", "-o", "%T"]).as_deref() == Some("idle")
+        });
         cluster
     }
 
@@ -77,10 +79,11 @@ impl Cluster {
         command
     }
 
-    /// What it prints; nothing while there is no answer.
-    fn says(&self, program: &str, arguments: &[&str]) -> String {
+    /// What it prints; `None` while there is no answer.
+    fn says(&self, program: &str, arguments: &[&str]) -> Option<String> {
         let output = self.command(program, arguments).output().unwrap();
-        String::from_utf8(output.stdout).unwrap().trim().to_string()
+        let text = String::from_utf8(output.stdout).unwrap();
+        output.status.success().then(|| text.trim().to_string())
     }
 
     fn wait(&self, what: &str, mut there: impl FnMut(&Self) -> bool) {
@@ -175,7 +178,7 @@ fn a_killed_and_requeued_task_changes_nothing() {
     let requeued = cluster.command("scontrol", &["requeue", &task]).output().unwrap();
     assert!(requeued.status.success(), "{}", String::from_utf8_lossy(&requeued.stderr));
     cluster.wait("the end of the task", |cluster| {
-        cluster.says("squeue", &["-h", "-r", "-j", &task, "-o", "%t"]) == "PD"
+        cluster.says("squeue", &["-h", "-r", "-j", &task, "-o", "%t"]).as_deref() == Some("PD")
     });
     let before = lines(&part);
     assert!((4..96).contains(&before), "{before} of 96 outcomes at the kill");
@@ -184,7 +187,8 @@ fn a_killed_and_requeued_task_changes_nothing() {
     let now = cluster.command("scontrol", &["update", &id, "StartTime=now"]).output().unwrap();
     assert!(now.status.success(), "{}", String::from_utf8_lossy(&now.stderr));
     cluster.wait("the end of all", |cluster| {
-        cluster.says("squeue", &["-h"]).is_empty() && out.join("merged.log").exists()
+        let waiting = cluster.says("squeue", &["-h"]);
+        waiting.is_some_and(|jobs| jobs.is_empty()) && out.join("merged.log").exists()
     });
 
     // It was started twice, and ran in the second time only what was missing.

@@ -130,7 +130,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> InProcess<M
             let mut config = Box::new(Config::<M, P, B, K>::new());
             config.build(spec)?;
             let mut controller = Box::new(controller());
-            controller.bench().reset(&config);
+            controller.reset_bench(&config);
             let clock = Clock::new(options.marks);
             Ok(Box::new(Self { config, controller, controlled: false, ticks: 0, clock })
                 as Box<dyn Local + Send>)
@@ -166,7 +166,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Board
             self.controller.request(&self.config, Command::Disarm, false, self.ticks)?;
             self.controlled = false;
         }
-        self.controller.bench().reset(&self.config);
+        self.controller.reset_bench(&self.config);
         Ok(())
     }
 

@@ -121,6 +121,8 @@ fn numbers_have_their_ranges() {
     assert_eq!(singular.field, Field::SecondGain);
     let flux = refusal(|_, second| second.flux_max_adu = Values::Uniform(1.0));
     assert_eq!(flux.field, Field::SecondFluxMax);
+    let least = refusal(|_, second| second.flux_min_adu = Values::Uniform(-1.0));
+    assert_eq!((least.field, least.value), (Field::SecondFluxMin, -1.0));
 }
 
 #[test]

@@ -298,7 +298,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize, const R: us
             let _ = self.controller.request(config, Command::Disarm, false, self.ticks);
             self.controlled = false;
         }
-        self.controller.bench().reset(config);
+        self.controller.reset_bench(config);
         self.last = None;
     }
 
@@ -328,7 +328,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize, const R: us
                 return controller.exchange(before, next, next.calibration().is_ok());
             }
             if !next.continues(before) {
-                controller.bench().reset(next);
+                controller.reset_bench(next);
             }
             Ok(())
         });
