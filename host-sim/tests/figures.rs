@@ -6,8 +6,8 @@ use std::path::Path;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use host_sim::figures::{
-    Curve, FigureError, Panel, Stack, StackPanel, Term, WindowMark, detector_frame, panels,
-    phase_map, psf, segment_map, stacks, strehl_series,
+    Curve, FigureError, Measured, Panel, Stack, StackPanel, Term, WindowMark, detector_frame,
+    error_bars, panels, phase_map, psf, segment_map, stacks, strehl_series,
 };
 use tempfile::TempDir;
 
@@ -290,4 +290,33 @@ fn stacks_of_either_sign() {
     open(&path);
     stacks(&path, ["x", "y"], &[panel(vec![])], &terms).unwrap();
     open(&path);
+}
+
+/// More curves than have room beside each other are named in rows, all of them within the picture.
+#[test]
+fn a_long_legend_has_rows() {
+    let directory = TempDir::new().unwrap();
+    let path = directory.path().join("legend.svg");
+    let names: Vec<String> = (0..9).map(|k| format!("curve of number {k}")).collect();
+    let curves: Vec<_> = names
+        .iter()
+        .map(|name| Measured { name, colour: "#123456", y: &[0.5], error: &[0.1] })
+        .collect();
+    error_bars(&path, ["x", "y"], "a title", &[1.0], &curves).unwrap();
+    let (text, _) = open(&path);
+    let document = roxmltree::Document::parse(&text).unwrap();
+    let place = |name: &str| {
+        let node =
+            document.descendants().find(|node| node.text().map(str::trim) == Some(name)).unwrap();
+        ["x", "y"].map(|axis| node.attribute(axis).unwrap().parse::<f64>().unwrap())
+    };
+    let [_, title] = place("a title");
+    let places: Vec<_> = names.iter().map(|name| place(name)).collect();
+    for (k, &[x, y]) in places.iter().enumerate() {
+        assert!(x > 30.0 && y > title + 10.0, "{k}: {x}, {y}");
+        for &[other_x, other_y] in &places[k + 1..] {
+            // A hundred and ten pixels are less than the text and its line.
+            assert!((x - other_x).abs() > 110.0 || (y - other_y).abs() > 14.0, "{k}");
+        }
+    }
 }

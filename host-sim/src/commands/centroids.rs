@@ -5,7 +5,7 @@ use crate::centroid_study::{CentroidStudy, Estimate, STATES, State, Sums, jackkn
 use crate::cli::CentroidsArgs;
 use crate::closed_loop::Sensing;
 use crate::error::Error;
-use crate::figures::{Measured, error_bars};
+use crate::figures::{Measured, error_bars_up_to};
 use crate::files::fits::{FitsWriter, Header};
 use crate::instrument::Instrument;
 use crate::monte_carlo::comparator::Comparator;
@@ -230,5 +230,7 @@ fn draw(
         .collect();
     let path = directory.join(format!("centroids-{}.svg", state.name));
     let title = format!("centroid less exact gradient, {}", state.name);
-    Ok(error_bars(path, ["D / r0", "rms slope error (px)"], &title, &x, &curves)?)
+    let highest = data.iter().flat_map(|(_, y, _)| y).copied().fold(0.0, f64::max);
+    let labels = ["D / r0", "rms slope error (px)"];
+    Ok(error_bars_up_to(path, labels, &title, &x, &curves, 1.1 * highest)?)
 }

@@ -15,6 +15,10 @@ const COLOUR_BAR_STEPS: usize = 256;
 const COLOUR_BAR_COLUMNS: usize = 16;
 /// Width of an average character.
 const CHARACTER: f64 = 0.58 * FONT_SIZE;
+/// Height of a row of the legend, width of an entry's symbol, and between two entries.
+const LEGEND_ROW: f64 = 18.0;
+const SYMBOL: f64 = 26.0;
+const LEGEND_GAP: f64 = 12.0;
 
 /// A value on an axis and how it is written.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,8 +46,18 @@ pub(super) struct Axes {
     pub(super) area: Area,
     x: [f64; 2],
     y: [f64; 2],
-    /// Where the next entry of the legend ends.
+    /// Where the next entry of the legend ends, and rows below it.
     legend_end: f64,
+    legend_row: usize,
+}
+
+/// Where the text of the legend's next entry starts; one that does not fit begins another row.
+fn legend_start(end: &mut f64, row: &mut usize, [left, right]: [f64; 2], text: &str) -> f64 {
+    let width = text.chars().count() as f64 * CHARACTER;
+    if *end - width - SYMBOL < left && *end < right {
+        (*end, *row) = (right, *row + 1);
+    }
+    *end - width
 }
 
 /// What stands before an entry of the legend.
@@ -78,7 +92,25 @@ impl Axes {
         canvas.text([middle[0], bottom - 14.0], Anchor::Middle, layout.x_label);
         canvas.text_upwards([corner[0] + 20.0, middle[1]], layout.y_label);
         let legend_end = left + width;
-        Self { canvas, area, x: layout.x, y: layout.y, legend_end }
+        Self { canvas, area, x: layout.x, y: layout.y, legend_end, legend_row: 0 }
+    }
+
+    /// The same as [`Axes::new`] with room for a legend of all these texts, in rows.
+    pub(super) fn with_legend<'a>(
+        layout: &Layout,
+        texts: impl DoubleEndedIterator<Item = &'a str>,
+    ) -> Self {
+        let width = layout.size[0];
+        let (mut end, mut rows) = (width, 0);
+        for text in texts.rev() {
+            let start = legend_start(&mut end, &mut rows, [0.0, width], text);
+            end = start - SYMBOL - LEGEND_GAP;
+        }
+        let above = rows as f64 * LEGEND_ROW;
+        let [width, height] = Self::outer_size(layout.size, false);
+        let mut canvas = Canvas::new(width, height + above);
+        canvas.text([LEFT_MARGIN, 24.0], Anchor::Start, layout.title);
+        Self::on(canvas, [0.0, above], &Layout { title: "", ..*layout }, false)
     }
 
     /// Width and height with everything around the plotting area, px.
@@ -148,12 +180,13 @@ impl Axes {
         Ok(())
     }
 
-    /// Adds an entry to the legend above the plotting area, left of those before.
+    /// Adds an entry to the legend above the plotting area, left of those before, or above them.
     pub(super) fn legend(&mut self, symbol: &Symbol, text: &str) {
-        let y = self.area.top - 14.0;
-        let start = self.legend_end - text.chars().count() as f64 * CHARACTER;
+        let sides = [self.area.left, self.area.left + self.area.width];
+        let start = legend_start(&mut self.legend_end, &mut self.legend_row, sides, text);
+        let y = self.area.top - 14.0 - self.legend_row as f64 * LEGEND_ROW;
         self.canvas.text([start, y + 0.35 * FONT_SIZE], Anchor::Start, text);
-        let (left, right) = (start - 26.0, start - 6.0);
+        let (left, right) = (start - SYMBOL, start - 6.0);
         let middle = (left + right) / 2.0;
         let square = Area { left: middle - 6.0, top: y - 6.0, width: 12.0, height: 12.0 };
         match *symbol {
@@ -163,7 +196,7 @@ impl Axes {
             Symbol::Circle(stroke) => self.canvas.circle([middle, y], 6.0, stroke),
             Symbol::Patch(colour, opacity) => self.canvas.fill(square, colour, opacity),
         }
-        self.legend_end = left - 12.0;
+        self.legend_end = left - LEGEND_GAP;
     }
 
     /// A small cross at a point of the canvas.

@@ -56,7 +56,7 @@ pub fn error_bars_up_to(
     let last = x.iter().copied().fold(1.0, f64::max);
     let layout =
         Layout { title, x_label, y_label, x: [0.0, 1.05 * last], y: [0.0, top], size: SIZE };
-    let mut axes = Axes::new(&layout, false);
+    let mut axes = Axes::with_legend(&layout, curves.iter().map(|curve| curve.name));
     for &Measured { name, colour, y, error } in curves.iter().rev() {
         let stroke = Stroke::solid(colour, 1.6);
         let drawn = |(_, y): &(&f64, &f64)| y.is_finite() && **y <= top;
