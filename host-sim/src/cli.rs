@@ -3,30 +3,42 @@
 mod beacon;
 mod centroids;
 mod crosstalk;
+mod endure;
+mod faults;
+mod gates;
 mod layers;
 mod link;
+mod names;
+mod profile;
+mod reproduce;
+mod scale;
+mod strehl;
+mod theory;
 
-use crate::board::{self, Board, BoardError, Options};
+use crate::board::Options;
 use crate::closed_loop::Sensing;
 use crate::commands;
 use crate::error::Error;
-use crate::instrument::{EstimatorName, Instrument, LeverArm};
-use crate::monte_carlo::comparator::Comparator;
-use crate::monte_carlo::shard::Shard;
-use crate::optics::geometric::Sensor;
-use crate::theory::{Layer, PupilRule, Reconstruction};
+use crate::instrument::Instrument;
 use clap::builder::RangedI64ValueParser;
-use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
+use clap::{Args, Parser, Subcommand, value_parser};
 use splash_firmware::geometry::{MAX_ACROSS, MIN_ACROSS};
-use splash_firmware::modal::MAX_MODES;
-use splash_firmware::spec::Spec;
 use std::path::PathBuf;
 use std::time::Duration;
 
 pub use beacon::{BeaconName, BeamArgs, PowerArgs};
 pub use centroids::CentroidsArgs;
 pub use crosstalk::{CrosstalkArgs, Turns};
+pub use endure::EndureArgs;
+pub use faults::FaultsArgs;
+pub use gates::GatesArgs;
 pub use link::{Action, LinkArgs, Place};
+pub use names::{BoardName, SensorName};
+pub use profile::ProfileArgs;
+pub use reproduce::ReproduceArgs;
+pub use scale::ScaleArgs;
+pub use strehl::{MergeArgs, StrehlArgs, WindowsName};
+pub use theory::TheoryArgs;
 
 /// Simulates a SPLASH adaptive-optics system around the firmware library.
 ///
@@ -92,12 +104,29 @@ pub struct OutputArgs {
     pub json: bool,
 }
 
+/// What the instrument is.
+#[derive(Clone, Debug, Args)]
+pub struct DescriptionArgs {
+    /// Instrument description (TOML), laid over the default one
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+}
+
+impl DescriptionArgs {
+    /// The instrument that is described, or the default one.
+    ///
+    /// # Errors
+    /// As [`Instrument::load`].
+    pub(crate) fn load(&self) -> Result<Instrument, Error> {
+        Instrument::described(self.config.as_deref())
+    }
+}
+
 /// What describes a run.
 #[derive(Clone, Debug, Args)]
 pub struct RunArgs {
-    /// Instrument description (TOML), laid over the default one
-    #[arg(long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
+    #[command(flatten)]
+    description: DescriptionArgs,
     /// Subapertures across the pupil, 4 to 40, of the same size [default: the description's, 8]
     #[arg(long, value_name = "N", value_parser = subapertures(), allow_negative_numbers = true)]
     pub n: Option<usize>,
@@ -192,549 +221,26 @@ pub struct ReplayArgs {
     #[command(flatten)]
     pub(crate) output: OutputArgs,
 }
-
-/// `host-sim profile`.
-///
-/// Complete frames of very different content are run in one configuration: a count is the largest
-/// of all, and the worst case is the time.
-#[derive(Clone, Debug, Args)]
-pub struct ProfileArgs {
-    /// Instrument description (TOML), laid over the default one
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
-    /// Where the firmware library runs: ns on the host, instructions on QEMU, cycles on Ibex
-    #[arg(long, value_enum, default_value_t = BoardName::Host)]
-    pub(crate) board: BoardName,
-    /// Subapertures across the pupil, 4 to 40 [default: the description's, 8]
-    #[arg(long, value_name = "N", value_parser = subapertures(), allow_negative_numbers = true)]
-    pub(crate) n: Option<usize>,
-    /// Pixels on a side of a window, 4 to 32, edge to edge [default: the description's, 16]
-    #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
-    pub(crate) window: Option<usize>,
-    /// Bits of a pixel, 8 to 16 [default: the description's, 12]
-    #[arg(long, value_name = "BITS", allow_negative_numbers = true)]
-    pub(crate) bits: Option<u32>,
-    /// Relaxation sweeps per frame [default: the description's, or N/2]
-    #[arg(long, value_name = "SWEEPS", allow_negative_numbers = true)]
-    pub(crate) sweeps: Option<u16>,
-    /// Modes of a second gate, 1 to 25, on as many rows again below the first [default: one gate]
-    #[arg(
-        long,
-        value_name = "MODES",
-        value_parser = value_parser!(u8).range(1..=MAX_MODES as i64),
-        allow_negative_numbers = true
-    )]
-    pub(crate) modes: Option<u8>,
-    /// Centroid estimator [default: the description's, thresholded]
-    #[arg(long, value_enum)]
-    pub(crate) estimator: Option<EstimatorName>,
-    /// Clock of the board, MHz, for times [default: 480 for QEMU's Cortex-M7, 37.3 for Ibex]
-    #[arg(long, value_name = "MHZ", allow_negative_numbers = true)]
-    pub(crate) clock_mhz: Option<f64>,
-    /// Seed of the frames
-    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
-    pub(crate) seed: u64,
-    #[command(flatten)]
-    pub(crate) patience: PatienceArgs,
-    #[command(flatten)]
-    pub(crate) output: OutputArgs,
-}
-
-/// `host-sim theory`.
-///
-/// Residual variance as a fraction of the variance, for SPLASH, a laser guide star and a natural
-/// one, with and without the lever arm of high layers: `sensed`, of what the sensor would measure
-/// without focal anisoplanatism, and `total`, of the wavefront, aliasing included. Exact, from the
-/// covariances of Kolmogorov turbulence (Butterley et al. 2006, section 3); independent of r0.
-#[derive(Clone, Debug, Args)]
-pub struct TheoryArgs {
-    /// Instrument description (TOML), laid over the default one: its layers, beacon height, pupil
-    /// and subapertures
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
-    /// Subapertures across the pupil, 4 to 40, one array for each; 40 takes ten seconds or so, and
-    /// 0.1 GB [default: the description's if one is given, else 8,12]
-    #[arg(
-        long,
-        value_name = "N",
-        value_parser = subapertures(),
-        value_delimiter = ',',
-        allow_negative_numbers = true
-    )]
-    pub(crate) n: Vec<usize>,
-    /// 1 - height / beacon height of the only layer, 0.1 to 1, one array for each [default: the
-    /// description's layers if one is given, else 0.75]
-    #[arg(
-        long,
-        value_parser = layers::beta,
-        value_delimiter = ',',
-        conflicts_with = "layers",
-        allow_negative_numbers = true
-    )]
-    pub(crate) beta: Vec<f64>,
-    /// Several layers at once: share of the turbulence and beta of each, such as 0.6:1,0.4:0.75;
-    /// shares are normalised
-    #[arg(
-        long,
-        value_name = "WEIGHT:BETA",
-        value_parser = layers::layer,
-        value_delimiter = ',',
-        allow_negative_numbers = true
-    )]
-    pub(crate) layers: Vec<Layer>,
-    /// Highest radial order fitted, 2 to 40, one for all or one for each N [default: the smaller of
-    /// 3N/4 + 1 and N/2 + 5, which is 7, 10 and 13 for N = 8, 12 and 16, or as many as the
-    /// subapertures tell apart]
-    #[arg(
-        long,
-        value_name = "ORDER",
-        value_parser = RangedI64ValueParser::<usize>::new().range(2..=40),
-        value_delimiter = ',',
-        allow_negative_numbers = true
-    )]
-    pub(crate) max_order: Vec<usize>,
-    /// Which squares of the grid are subapertures [default: the description's, circle]
-    #[arg(long, value_name = "RULE", value_enum)]
-    pub(crate) pupil: Option<PupilRule>,
-    /// Central obstruction of an annulus, 0 to 0.99 of the diameter [default: the description's, 0]
-    #[arg(long, value_name = "FRACTION", allow_negative_numbers = true)]
-    pub(crate) obstruction: Option<f64>,
-    /// SPLASH's reconstructor; guide stars have the nominal one
-    #[arg(long, value_enum, default_value_t = Reconstruction::Mixed)]
-    pub(crate) reconstructor: Reconstruction,
-    #[command(flatten)]
-    pub(crate) output: OutputArgs,
-}
-
-/// `host-sim strehl`.
-///
-/// Each screen is a sky of its own; all sensors close their loop under the same ones. A frame's Strehl ratio
-/// is that over the pupil with piston, tip and tilt removed, the mean is over frames and screens, its error
-/// from the scatter of the screens. A screen that is finished is kept in the output directory and not run
-/// again: an interrupted run takes up where it was, and a longer one adds to it.
-#[derive(Clone, Debug, Args)]
-pub struct StrehlArgs {
-    /// Instrument description (TOML), laid over the default one
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
-    /// Subapertures across the pupil, of the same size: 4 to 40, or to 128 with --sensing geometric
-    #[arg(
-        long,
-        value_name = "N",
-        default_value = "4,6,8,10,12,16",
-        value_delimiter = ',',
-        allow_negative_numbers = true
-    )]
-    pub(crate) n: Vec<usize>,
-    /// Independent screens for each N
-    #[arg(
-        long,
-        value_name = "SCREENS",
-        default_value_t = 30,
-        value_parser = value_parser!(u32).range(1..=10_000_000),
-        allow_negative_numbers = true
-    )]
-    pub(crate) screens: u32,
-    /// Frozen screens and a loop that has converged [this is the default]
-    #[arg(long = "static", conflicts_with = "wind")]
-    pub(crate) still: bool,
-    /// Moving screens: pitches per frame, of every layer in its direction; without a value, the
-    /// description's winds
-    #[arg(long, value_name = "PITCHES", num_args = 0..=1, allow_negative_numbers = true)]
-    pub(crate) wind: Option<Option<f64>>,
-    /// Loop gain [default: the description's, 0.5]
-    #[arg(long, value_name = "GAIN", allow_negative_numbers = true)]
-    pub(crate) gain: Option<f64>,
-    /// L, frames of delay beyond the one of any loop [default: the description's, 0]
-    #[arg(long, value_name = "FRAMES", allow_negative_numbers = true)]
-    pub(crate) delay: Option<u8>,
-    /// Images through detector and firmware, or exact gradients in a loop of double precision
-    #[arg(long, value_enum, default_value_t = Sensing::Images)]
-    pub(crate) sensing: Sensing,
-    /// What to compare; fit is the best piston, tip and tilt of each segment
-    #[arg(long, value_enum, default_value = "splash,lgs,ngs,fit", value_delimiter = ',')]
-    pub(crate) sensors: Vec<Comparator>,
-    /// Frames averaged for each screen [default: 10 if static, else 100], after 40 to settle
-    #[arg(
-        long,
-        value_name = "FRAMES",
-        value_parser = value_parser!(u32).range(1..=1_000_000),
-        allow_negative_numbers = true
-    )]
-    pub(crate) frames: Option<u32>,
-    /// Photon, dark and read noise of the description's detector, and its bits
-    #[arg(long)]
-    pub(crate) noise: bool,
-    /// Detector without noise, with 16 bits over its range, as in the paper [this is the default]
-    #[arg(long, conflicts_with = "noise")]
-    pub(crate) noise_free: bool,
-    /// What images have of a spot [default: whole without noise, described with noise]
-    #[arg(long, value_enum)]
-    pub(crate) windows: Option<WindowsName>,
-    /// Seed of turbulence and noise
-    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
-    pub(crate) seed: u64,
-    /// What the residual variance is made of: fitting, aliasing, cone, lever arm, return path, time,
-    /// quantisation, images and noise, each switched on in turn under the same screens
-    #[arg(long)]
-    pub(crate) budget: bool,
-    /// Run one part of n, such as 2/8, for host-sim merge to join: every part has its share of the screens
-    /// of each N, and whatever the parts, the whole is the same to the last bit
-    #[arg(long, value_name = "I/N", allow_negative_numbers = true)]
-    pub(crate) shard: Option<Shard>,
-    /// Start even if it takes more than a day
-    #[arg(long)]
-    pub(crate) long: bool,
-    #[command(flatten)]
-    pub(crate) output: OutputArgs,
-}
-
-/// `host-sim merge`.
-///
-/// Joins the directories of host-sim strehl --shard into one like that of a run on one machine, to the last bit.
-/// Parts may be unfinished, or going on: what is missing is counted, and means are over the screens that are
-/// there. Parts of other settings are refused. host-sim strehl with the same settings and the joined directory
-/// as --out runs what is missing.
-#[derive(Clone, Debug, Args)]
-pub struct MergeArgs {
-    /// Directories of parts
-    #[arg(required = true, value_name = "DIR")]
-    pub(crate) parts: Vec<PathBuf>,
-    /// Fail if a screen is missing, and write no results
-    #[arg(long)]
-    pub(crate) complete: bool,
-    #[command(flatten)]
-    pub(crate) output: OutputArgs,
-}
-
-/// `host-sim scale`.
-///
-/// Strehl ratio and residual variance against D/r0, under skies that stand still, with loops that have converged:
-/// SPLASH and a laser guide star with each control law, a natural guide star and the best fit by exact gradients,
-/// which need no images and reach 128 subapertures; images without noise through the firmware beside them as far
-/// as they go, and what speckle, window and threshold add there. All under the same screens: differences are
-/// paired. A screen that is finished is kept and not run again.
-#[derive(Clone, Debug, Args)]
-pub struct ScaleArgs {
-    /// Instrument description (TOML), laid over the default one; its layers are held still
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
-    /// Subapertures across the pupil, of the same size, 4 to 128: by exact gradients
-    #[arg(
-        long,
-        value_name = "N",
-        default_value = "4,8,16,24,32,48,64,96,128",
-        value_delimiter = ',',
-        allow_negative_numbers = true
-    )]
-    pub(crate) n: Vec<usize>,
-    /// Of these, those with images beside them, 4 to 40; none to go without
-    #[arg(
-        long,
-        value_name = "N",
-        default_value = "8,16,32",
-        value_delimiter = ',',
-        num_args = 0..,
-        allow_negative_numbers = true
-    )]
-    pub(crate) images: Vec<usize>,
-    /// Control laws beside the description's with 1: numbers, profile or best, as lever_arm in [control]
-    #[arg(long, value_name = "F", default_value = "profile,best", value_delimiter = ',')]
-    pub(crate) lever_arm: Vec<LeverArm>,
-    /// Independent screens for each N, in place of 200 up to N = 32, 100 up to 64 and 48 beyond
-    #[arg(
-        long,
-        value_name = "SCREENS",
-        value_parser = value_parser!(u32).range(2..=10_000_000),
-        allow_negative_numbers = true
-    )]
-    pub(crate) screens: Option<u32>,
-    /// The same for images, in place of 100 up to N = 8, 50 up to 16 and 16 beyond; never more than for gradients
-    #[arg(
-        long,
-        value_name = "SCREENS",
-        value_parser = value_parser!(u32).range(2..=10_000_000),
-        allow_negative_numbers = true
-    )]
-    pub(crate) image_screens: Option<u32>,
-    /// Seed of turbulence
-    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
-    pub(crate) seed: u64,
-    /// Start even if it takes more than a day
-    #[arg(long)]
-    pub(crate) long: bool,
-    #[command(flatten)]
-    pub(crate) output: OutputArgs,
-}
-
-/// What images have of a spot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum WindowsName {
-    /// The description's windows, samples and threshold
-    Described,
-    /// Windows of at least 12 lambda/d, the samples that these take, and no part of the peak as threshold
-    Whole,
-}
-
-/// `host-sim gates`.
-///
-/// One gate with the paper's null-seeking law and with the best number f, two gates combined in 12 and 25 modes,
-/// laser and natural guide star and the best fit, under the same screens, with exact gradients in loops of double
-/// precision. The combination is made for the description's layers, or for those of its second gate, which
-/// is at half the beacon's height unless the description has one. `expected` is the residual variance beyond the
-/// fitting error by theory; the rest is measured, with its standard error in brackets.
-#[derive(Clone, Debug, Args)]
-pub struct GatesArgs {
-    /// Instrument description (TOML), laid over the default one
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
-    /// Subapertures across the pupil, of the same size, 4 to 40
-    #[arg(
-        long,
-        value_name = "N",
-        default_value = "8,16",
-        value_parser = subapertures(),
-        value_delimiter = ',',
-        allow_negative_numbers = true
-    )]
-    pub(crate) n: Vec<usize>,
-    /// Modes in which two gates are combined: 12, 25
-    #[arg(long, value_name = "MODES", default_value = "12,25", value_delimiter = ',')]
-    pub(crate) modes: Vec<usize>,
-    /// Independent screens for each N
-    #[arg(
-        long,
-        value_name = "SCREENS",
-        default_value_t = 30,
-        value_parser = value_parser!(u32).range(1..=1_000_000),
-        allow_negative_numbers = true
-    )]
-    pub(crate) screens: u32,
-    /// Rms noise of a slope, for each gate, axis and frame, rad of phase at the laser's wavelength from edge to edge of a
-    /// subaperture; the combination is made for it [default: the description's, 0]
-    #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
-    pub(crate) slope_noise: Option<f64>,
-    /// Moving screens: pitches per frame, of every layer in its direction [default: frozen screens]
-    #[arg(long, value_name = "PITCHES", allow_negative_numbers = true)]
-    pub(crate) wind: Option<f64>,
-    /// Frames averaged for each screen [default: 10 if static, else 100], after 40 to settle
-    #[arg(
-        long,
-        value_name = "FRAMES",
-        value_parser = value_parser!(u32).range(1..=1_000_000),
-        allow_negative_numbers = true
-    )]
-    pub(crate) frames: Option<u32>,
-    /// Seed of turbulence and noise
-    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
-    pub(crate) seed: u64,
-    #[command(flatten)]
-    pub(crate) output: OutputArgs,
-}
-
-/// `host-sim reproduce`.
-///
-/// Both figures of the paper (Butterley et al. 2006): what each sensor can sense by radial order, section 3, and
-/// the Strehl ratio against D/r0, section 4, with the error budget, all tables, and a page that explains them and
-/// says where they differ from the paper's text. A screen that is finished is kept and not run again.
-#[derive(Clone, Debug, Args)]
-pub struct ReproduceArgs {
-    /// 30 screens for each N: one to two minutes on two cores [this is the default]
-    #[arg(long, conflicts_with = "full")]
-    pub(crate) quick: bool,
-    /// 150 screens for N up to 12, 50 for 16
-    #[arg(long)]
-    pub(crate) full: bool,
-    /// Instrument description (TOML), laid over the default one; its layers are held still
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
-    /// Subapertures across the pupil, of the same size, 4 to 40
-    #[arg(
-        long,
-        value_name = "N",
-        default_value = "4,6,8,10,12,16",
-        value_parser = subapertures(),
-        value_delimiter = ',',
-        allow_negative_numbers = true
-    )]
-    pub(crate) n: Vec<usize>,
-    /// Independent screens for each N, in place of 30, or of 150 and 50
-    #[arg(
-        long,
-        value_name = "SCREENS",
-        value_parser = value_parser!(u32).range(2..=10_000_000),
-        allow_negative_numbers = true
-    )]
-    pub(crate) screens: Option<u32>,
-    /// Seed of turbulence
-    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
-    pub(crate) seed: u64,
-    /// Start even if it takes more than a day
-    #[arg(long)]
-    pub(crate) long: bool,
-    #[command(flatten)]
-    pub(crate) output: OutputArgs,
-}
-
-/// `host-sim endure`.
-///
-/// Gaussian spots move as drifting waves of changing seeing move them. Every frame has to move the
-/// mirror; mean piston and tilt stay within a DAC LSB of zero; the totals are those counted here; on an
-/// emulated board, least and most of a frame's cost are told.
-#[derive(Clone, Debug, Args)]
-pub struct EndureArgs {
-    /// Instrument description (TOML), laid over the default one
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
-    /// Where the firmware library runs
-    #[arg(long, value_enum, default_value_t = BoardName::Host)]
-    pub(crate) board: BoardName,
-    /// Subapertures across the pupil, 4 to 40 [default: the description's, 8]
-    #[arg(long, value_name = "N", value_parser = subapertures(), allow_negative_numbers = true)]
-    pub(crate) n: Option<usize>,
-    /// Frames to run; the default takes about two minutes
-    #[arg(
-        long,
-        value_name = "FRAMES",
-        default_value_t = 1_000_000,
-        value_parser = value_parser!(u64).range(1..=4_000_000_000),
-        allow_negative_numbers = true
-    )]
-    pub(crate) frames: u64,
-    /// Seed of waves and noise
-    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
-    pub(crate) seed: u64,
-    #[command(flatten)]
-    pub(crate) patience: PatienceArgs,
-    #[command(flatten)]
-    pub(crate) output: OutputArgs,
-}
-
-/// `host-sim faults`.
-///
-/// A closed loop on a quick sky, in this process, through the controller that boards run; an operator
-/// closes it again whenever it was given up. Looked at after every step: codes within limits and slew, state
-/// within its formats, legal modes, counters that add up, recovery, and spots in place. The first thing
-/// that does not hold ends the run.
-#[derive(Clone, Debug, Args)]
-pub struct FaultsArgs {
-    /// Instrument description (TOML), laid over the default one
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
-    /// Faults; the default takes one to two minutes
-    #[arg(
-        long,
-        value_name = "FAULTS",
-        default_value_t = 10_000,
-        value_parser = value_parser!(u64).range(1..=100_000_000),
-        allow_negative_numbers = true
-    )]
-    pub(crate) count: u64,
-    /// Bad frames one after the other after which the loop is given up, if the description says more
-    #[arg(
-        long,
-        value_name = "FRAMES",
-        default_value_t = 30,
-        value_parser = value_parser!(u16).range(1..),
-        allow_negative_numbers = true
-    )]
-    pub(crate) safe_frames: u16,
-    /// Seed of faults, waves and noise
-    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
-    pub(crate) seed: u64,
-    #[command(flatten)]
-    pub(crate) output: OutputArgs,
-}
-
-/// A sensor's name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum SensorName {
-    /// Laser spots launched through the pupil.
-    Splash,
-    /// A conventional laser guide star.
-    Lgs,
-    /// A natural guide star.
-    Ngs,
-}
-
-impl SensorName {
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Splash => "splash",
-            Self::Lgs => "lgs",
-            Self::Ngs => "ngs",
-        }
-    }
-
-    /// The optics of that name.
-    pub fn sensor(self) -> Sensor {
-        match self {
-            Self::Splash => Sensor::Splash,
-            Self::Lgs => Sensor::Lgs,
-            Self::Ngs => Sensor::Ngs,
-        }
-    }
-}
-
-/// A board's name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum BoardName {
-    /// In this process.
-    Host,
-    /// On the Cortex-M7 that QEMU emulates.
-    Qemu,
-    /// On the Ibex soft core, simulated at register-transfer level.
-    Ibex,
-}
-
-impl BoardName {
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Host => "host",
-            Self::Qemu => "qemu",
-            Self::Ibex => "ibex",
-        }
-    }
-
-    /// The program on that board, which is built where it is needed; `None` on the host.
-    ///
-    /// # Errors
-    /// [`BoardError::Missing`], [`BoardError::Build`].
-    pub fn program(self) -> Result<Option<PathBuf>, BoardError> {
-        match self {
-            Self::Host => Ok(None),
-            Self::Qemu => board::qemu::program("server").map(Some),
-            Self::Ibex => board::ibex::program("server").map(Some),
-        }
-    }
-
-    /// The board of that name, with the configuration of `spec`.
-    ///
-    /// # Errors
-    /// [`BoardError`].
-    pub fn open(self, spec: &Spec<'_>, options: Options) -> Result<Box<dyn Board>, BoardError> {
-        Ok(match self {
-            Self::Host => board::open(spec, options)?,
-            Self::Qemu => Box::new(board::qemu::open(spec, options)?),
-            Self::Ibex => Box::new(board::ibex::open(spec, options)?),
-        })
-    }
-}
-
 impl RunArgs {
     /// The instrument that the arguments ask for.
     ///
     /// # Errors
     /// [`Error::Config`] if the description cannot be used.
     pub fn instrument(&self) -> Result<Instrument, Error> {
-        let mut instrument = Instrument::described(self.config.as_deref())?;
+        let mut instrument = self.description.load()?;
         if let Some(n) = self.n {
             instrument.telescope.subapertures = n;
         }
         instrument.check()?;
         Ok(if self.noise_free { instrument.noise_free() } else { instrument })
+    }
+}
+
+/// A number with limits.
+fn between(text: &str, from: f64, to: f64) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value >= from && value <= to => Ok(value),
+        _ => Err(format!("must be a number from {from} to {to}")),
     }
 }
 

@@ -1,8 +1,7 @@
 //! Arguments of the studies of beacons and beams.
 
-use super::{OutputArgs, subapertures};
+use super::{DescriptionArgs, OutputArgs, subapertures};
 use clap::{Args, ValueEnum, value_parser};
-use std::path::PathBuf;
 
 /// A kind of beacon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -31,9 +30,8 @@ impl BeaconName {
 /// slices as its blur asks for. Spots are relayed edge to edge: none falls into another's window.
 #[derive(Clone, Debug, Args)]
 pub struct PowerArgs {
-    /// Instrument description (TOML), laid over the default one
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) description: DescriptionArgs,
     /// Subapertures across the pupil, 4 to 40 [default: the description's, 8]
     #[arg(long, value_name = "N", value_parser = subapertures(), allow_negative_numbers = true)]
     pub(crate) n: Option<usize>,
@@ -86,9 +84,8 @@ pub struct PowerArgs {
 /// is the best that segments of that size can do. N stays, so that larger subapertures make a larger telescope.
 #[derive(Clone, Debug, Args)]
 pub struct BeamArgs {
-    /// Instrument description (TOML), laid over the default one
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) description: DescriptionArgs,
     /// Subapertures across the pupil, 4 to 40 [default: the description's, 8]
     #[arg(long, value_name = "N", value_parser = subapertures(), allow_negative_numbers = true)]
     pub(crate) n: Option<usize>,

@@ -1,8 +1,7 @@
 //! The arguments of `host-sim centroids`.
 
-use super::OutputArgs;
+use super::{DescriptionArgs, OutputArgs, between, subapertures};
 use clap::{Args, value_parser};
-use std::path::PathBuf;
 
 /// `host-sim centroids`.
 ///
@@ -13,15 +12,14 @@ use std::path::PathBuf;
 /// back.
 #[derive(Clone, Debug, Args)]
 pub struct CentroidsArgs {
-    /// Instrument description (TOML), laid over the default one
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) description: DescriptionArgs,
     /// Subapertures across the pupil, of the same size, 4 to 40: D/r0 where the pitch is r0
     #[arg(
         long,
         value_name = "N",
         default_value = "4,6,8,12,16,24,32",
-        value_parser = super::subapertures(),
+        value_parser = subapertures(),
         value_delimiter = ',',
         allow_negative_numbers = true
     )]
@@ -56,8 +54,5 @@ pub struct CentroidsArgs {
 }
 
 fn fraction(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.0..=0.9).contains(&value) => Ok(value),
-        _ => Err("must be a number from 0 to 0.9".to_string()),
-    }
+    between(text, 0.0, 0.9)
 }

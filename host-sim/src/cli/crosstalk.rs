@@ -1,10 +1,9 @@
 //! The arguments of `host-sim crosstalk`.
 
-use super::OutputArgs;
+use super::{DescriptionArgs, OutputArgs, between, subapertures};
 use crate::instrument::LatticeName;
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum, value_parser};
-use std::path::PathBuf;
 
 /// `host-sim crosstalk`.
 ///
@@ -15,15 +14,14 @@ use std::path::PathBuf;
 /// same screens, the same windows without light of others.
 #[derive(Clone, Debug, Args)]
 pub struct CrosstalkArgs {
-    /// Instrument description (TOML), laid over the default one
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) description: DescriptionArgs,
     /// Subapertures across the pupil, 4 to 40: D/r0
     #[arg(
         long,
         value_name = "N",
         default_value_t = 8,
-        value_parser = super::subapertures(),
+        value_parser = subapertures(),
         allow_negative_numbers = true
     )]
     pub(crate) n: usize,
@@ -144,11 +142,4 @@ fn wavelength(text: &str) -> Result<f64, String> {
 
 fn wind(text: &str) -> Result<f64, String> {
     between(text, 0.0, 10.0)
-}
-
-fn between(text: &str, from: f64, to: f64) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value >= from && value <= to => Ok(value),
-        _ => Err(format!("must be a number from {from} to {to}")),
-    }
 }

@@ -107,7 +107,7 @@ fn point(args: &BeamArgs, pitch_r0: f64, waist: Option<f64>) -> Result<Point, Er
     if !(0.1..=4.0).contains(&pitch_r0) {
         return Err(refuse("--pitches", pitch_r0, "from 0.1 to 4 r0"));
     }
-    let mut instrument = Instrument::described(args.config.as_deref())?.of_one_gate()?;
+    let mut instrument = args.description.load()?.of_one_gate()?;
     let r0_m = instrument.r0_m();
     let Instrument { telescope, atmosphere, laser, .. } = &mut instrument;
     telescope.subapertures = args.n.unwrap_or(telescope.subapertures);

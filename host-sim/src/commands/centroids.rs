@@ -56,7 +56,7 @@ struct PointResult {
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &CentroidsArgs) -> Result<(), Error> {
     let start = Instant::now();
-    let description = Instrument::described(args.config.as_deref())?.of_one_gate()?;
+    let description = args.description.load()?.of_one_gate()?;
     let estimates = Estimate::all(&description, &args.peak_fractions);
     let mut across = args.n.clone();
     across.sort_unstable();

@@ -128,7 +128,7 @@ pub fn run(args: &CrosstalkArgs) -> Result<(), Error> {
 
 /// All distances and lattices.
 fn tasks(args: &CrosstalkArgs) -> Result<Vec<Task>, Error> {
-    let description = Instrument::described(args.config.as_deref())?.of_one_gate()?;
+    let description = args.description.load()?.of_one_gate()?;
     let mut instruments = Vec::new();
     for &spacing in &args.spacing {
         for &turns in &args.lattices {

@@ -6,7 +6,6 @@ use crate::endurance::{Endurance, Stretch};
 use crate::error::Error;
 use crate::figures::{self, Curve, Panel};
 use crate::files::csv::SeriesWriter;
-use crate::instrument::Instrument;
 use crate::reconstructor::Reconstructor;
 use serde::Serialize;
 use std::time::Instant;
@@ -37,7 +36,7 @@ struct EndureResult {
 /// # Errors
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &EndureArgs) -> Result<(), Error> {
-    let mut instrument = Instrument::described(args.config.as_deref())?.of_one_gate()?;
+    let mut instrument = args.description.load()?.of_one_gate()?;
     if let Some(n) = args.n {
         instrument.telescope.subapertures = n;
     }

@@ -4,7 +4,6 @@ use super::{output, progress};
 use crate::cli::FaultsArgs;
 use crate::error::Error;
 use crate::fault_campaign::{FaultCampaign, Line, Memory};
-use crate::instrument::Instrument;
 use crate::reconstructor::Reconstructor;
 use serde::Serialize;
 use std::path::Path;
@@ -25,7 +24,7 @@ struct FaultsResult {
 /// # Errors
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &FaultsArgs) -> Result<(), Error> {
-    let mut instrument = Instrument::described(args.config.as_deref())?.of_one_gate()?;
+    let mut instrument = args.description.load()?.of_one_gate()?;
     instrument.check()?;
     // Faults come by the thousand: a loop that is given up only after a second would never be.
     instrument.safety.safe_frames = instrument.safety.safe_frames.min(args.safe_frames);

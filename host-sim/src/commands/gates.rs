@@ -89,7 +89,7 @@ pub fn run(args: &GatesArgs) -> Result<(), Error> {
 
 /// The instrument with what the arguments change.
 fn description(args: &GatesArgs) -> Result<Instrument, Error> {
-    let mut description = Instrument::described(args.config.as_deref())?;
+    let mut description = args.description.load()?;
     let wind = args.wind.unwrap_or(0.0);
     if !(0.0..=MAX_WIND).contains(&wind) {
         return Err(refuse("--wind", wind, &format!("from 0 to {MAX_WIND} pitches per frame")));

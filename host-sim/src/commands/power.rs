@@ -114,7 +114,7 @@ fn study(
 
 /// The instrument with that beacon and frozen screens.
 fn instrument(args: &PowerArgs, beacon: BeaconName) -> Result<Instrument, Error> {
-    let mut instrument = Instrument::described(args.config.as_deref())?.of_one_gate()?;
+    let mut instrument = args.description.load()?.of_one_gate()?;
     let Instrument { telescope, atmosphere, laser, photons, detector, .. } = &mut instrument;
     telescope.subapertures = args.n.unwrap_or(telescope.subapertures);
     atmosphere.layers.iter_mut().for_each(|layer| layer.wind_speed_m_per_s = 0.0);

@@ -101,7 +101,7 @@ pub fn run(args: &ProfileArgs) -> Result<(), Error> {
 
 /// The instrument that the arguments ask for: windows edge to edge, no flat field.
 fn instrument(args: &ProfileArgs) -> Result<Instrument, Error> {
-    let mut instrument = Instrument::described(args.config.as_deref())?;
+    let mut instrument = args.description.load()?;
     if let Some(n) = args.n {
         instrument.telescope.subapertures = n;
     }

@@ -9,7 +9,6 @@ use crate::cli::{StrehlArgs, WindowsName};
 use crate::closed_loop::Sensing;
 use crate::error::{Error, refuse};
 use crate::files::lock::Lock;
-use crate::instrument::Instrument;
 use crate::monte_carlo::point::Conditions;
 use crate::monte_carlo::settings::Settings;
 use serde::Serialize;
@@ -73,7 +72,7 @@ pub fn run(args: &StrehlArgs) -> Result<(), Error> {
 
 /// What the arguments ask for.
 fn settings(args: &StrehlArgs) -> Result<Settings, Error> {
-    let mut description = Instrument::described(args.config.as_deref())?.of_one_gate()?;
+    let mut description = args.description.load()?.of_one_gate()?;
     let moving = args.wind.is_some();
     let pitch_m_per_s = description.telescope.pitch_m / description.frame_s();
     let speed = match args.wind {
