@@ -137,8 +137,7 @@ impl SlopeCalibration {
         seed: u64,
         progress: &mut dyn FnMut(f64),
     ) -> Result<(f64, f64), Error> {
-        let mut frozen = instrument.clone();
-        frozen.atmosphere.layers.iter_mut().for_each(|layer| layer.wind_speed_m_per_s = 0.0);
+        let mut frozen = instrument.clone().frozen();
         frozen.control.delay_frames = 0;
         let reconstructor = Reconstructor::new(&frozen)?.with_slopes(self.clone());
         let mut board = in_process(&reconstructor.spec())?;

@@ -59,7 +59,7 @@ use crate::atmosphere::{Atmosphere, Turbulence};
 use crate::board::{Frame, in_process};
 use crate::error::Error;
 use crate::imager::{Imager, Noise};
-use crate::instrument::{EstimatorName, Instrument, Windows};
+use crate::instrument::{EstimatorName, Instrument};
 use crate::monte_carlo::converged::Converged;
 use crate::monte_carlo::point::screen_seed;
 use crate::optics::geometric::{Effects, GeometricSensor, Sensor};
@@ -138,7 +138,7 @@ pub struct Sums {
     product: f64,
     exact: f64,
     measured: f64,
-    /// Slopes, and those that were not valid.
+    /// Valid slopes, two a subaperture.
     count: f64,
     /// Subapertures without a valid flux.
     pub invalid: f64,
@@ -187,6 +187,8 @@ pub struct CentroidStudy {
     turbulence: Turbulence,
     instrument: Instrument,
     reconstructors: Vec<Reconstructor>,
+    /// Of a flat wavefront without noise, as [`Self::centroids`].
+    references: Vec<Vec<Option<[f64; 2]>>>,
     noise: bool,
 }
 
@@ -201,11 +203,10 @@ impl CentroidStudy {
         noise: bool,
         estimates: &[Estimate],
     ) -> Result<Self, Error> {
-        let mut instrument = description.clone();
+        let mut instrument = description.clone().frozen();
         instrument.telescope.subapertures = n;
         // Each gate's spots are centroids of their own.
         instrument.second_gate.height_m = 0.0;
-        instrument.atmosphere.layers.iter_mut().for_each(|layer| layer.wind_speed_m_per_s = 0.0);
         if !noise {
             instrument = instrument.noise_free();
         }
@@ -220,9 +221,14 @@ impl CentroidStudy {
         };
         let reconstructors = estimates.iter().map(reconstructor).collect::<Result<_, _>>()?;
         let pupil = instrument.pupil()?;
-        let (r0_m, layers) = (instrument.r0_m(), instrument.layers());
-        let turbulence = Turbulence::new(r0_m, &layers, pupil.diameter_m(), pupil.pitch_m(), 1.0)?;
-        Ok(Self { pupil, turbulence, instrument, reconstructors, noise })
+        let turbulence = instrument.turbulence(&pupil, 1.0)?;
+        let references = Vec::new();
+        let mut study = Self { pupil, turbulence, instrument, reconstructors, references, noise };
+        let still = Atmosphere::from_screens(Vec::new(), study.pupil.diameter_m(), 0.0)?;
+        let flat = Mirror::flat(study.pupil.subapertures().len());
+        let seen = study.frames(&mut study.imager(&still)?, &still, &flat, None)?;
+        study.references = study.centroids(&seen)?;
+        Ok(study)
     }
 
     /// Texels of the screens.
@@ -244,46 +250,56 @@ impl CentroidStudy {
     pub fn screen(&self, seed: u64, screen: u32) -> Result<Vec<Sums>, Error> {
         let seed = screen_seed(seed, self.pupil.across(), screen);
         let sky = self.turbulence.realise(seed, &mut |_| ());
-        let flat = Mirror::flat(self.pupil.subapertures().len());
-        let still = Atmosphere::from_screens(Vec::new(), self.pupil.diameter_m(), 0.0)?;
         let (sensor, all) = (Sensor::Splash, Effects::ALL);
         let mut converged = Converged::new(&self.instrument, &self.pupil, &sky, sensor, all, 1.0)?;
         converged.observe(&sky, 0.0);
-        let seen = self.frames(&still, &flat, 1.0, seed)?;
-        let references = self.centroids(&seen)?;
+        let (mut imager, mut sensor) = (self.imager(&sky)?, self.sensor(&sky)?);
+        let mut exact = vec![[0.0; 2]; self.pupil.subapertures().len()];
+        let noise = self.noise.then_some(seed);
         let mut sums = Vec::new();
         for state in STATES {
             let mut mirror = converged.mirror().clone();
             mirror.segments.iter_mut().flatten().for_each(|phase| *phase *= state.up);
-            let exact = self.exact(&sky, &mirror)?;
-            let seen = self.frames(&sky, &mirror, state.back, seed)?;
-            for (measured, reference) in self.centroids(&seen)?.iter().zip(&references) {
+            sensor.centroids(&sky, 0.0, &mirror, &mut exact);
+            imager.return_through(state.back);
+            let seen = self.frames(&mut imager, &sky, &mirror, noise)?;
+            for (measured, reference) in self.centroids(&seen)?.iter().zip(&self.references) {
                 sums.push(compare(measured, reference, &exact));
             }
         }
         Ok(sums)
     }
 
-    /// What the detector shows of a sky.
+    /// SPLASH's images of skies like this.
+    fn imager(&self, sky: &Atmosphere) -> Result<Imager, Error> {
+        let Self { instrument, pupil, reconstructors, .. } = self;
+        Imager::new(instrument, &reconstructors[0], Sensor::Splash, pupil, sky)
+    }
+
+    /// Its exact gradients, px.
+    fn sensor(&self, sky: &Atmosphere) -> Result<GeometricSensor, Error> {
+        let Instrument { laser, windows, .. } = &self.instrument;
+        let (height_m, scale) = (laser.beacon_height_m, windows.pixels_per_lambda_d);
+        let sensor = GeometricSensor::new(Sensor::Splash, &self.pupil, sky, height_m, scale)?;
+        Ok(sensor.with_launch(self.instrument.launch()))
+    }
+
+    /// What the detector shows of a sky, with noise of this seed or none.
     fn frames(
         &self,
+        imager: &mut Imager,
         sky: &Atmosphere,
         mirror: &Mirror,
-        back: f32,
-        seed: u64,
+        noise: Option<u64>,
     ) -> Result<Vec<Vec<u16>>, Error> {
-        let reconstructor = &self.reconstructors[0];
-        let (instrument, pupil) = (&self.instrument, &self.pupil);
-        let mut imager = Imager::new(instrument, reconstructor, Sensor::Splash, pupil, sky)?;
-        imager.return_through(back);
         let expose = |frame: u32| {
             imager.light(frame);
-            let noise = self.noise.then_some(Noise { seed, frame: frame.into() });
+            let noise = noise.map(|seed| Noise { seed, frame: frame.into() });
             Ok(imager.expose(sky, 0.0, mirror, noise)?.to_vec())
         };
-        let cycle = reconstructor.lighting().count();
+        let cycle = self.reconstructors[0].lighting().count();
         // Without noise one cycle is like the next.
-        let frames = if self.noise { FRAMES * cycle } else { cycle };
+        let frames = if noise.is_some() { FRAMES * cycle } else { cycle };
         (0..frames).map(expose).collect()
     }
 
@@ -301,16 +317,6 @@ impl CentroidStudy {
             Ok(seen.map(|(m, slope)| slope.valid.then(|| centroid(m.centroid_q16))).collect())
         };
         self.reconstructors.iter().map(one).collect()
-    }
-
-    /// The exact gradients, px.
-    fn exact(&self, sky: &Atmosphere, mirror: &Mirror) -> Result<Vec<[f64; 2]>, Error> {
-        let Windows { pixels_per_lambda_d: scale, .. } = self.instrument.windows;
-        let height_m = self.instrument.laser.beacon_height_m;
-        let mut sensor = GeometricSensor::new(Sensor::Splash, &self.pupil, sky, height_m, scale)?;
-        let mut centroids = vec![[0.0; 2]; mirror.segments.len()];
-        sensor.centroids(sky, 0.0, mirror, &mut centroids);
-        Ok(centroids)
     }
 }
 

@@ -5,7 +5,7 @@
 //! that the mirror was given by the codes of frame k - 1 - L (L the configured delay). With a schedule it
 //! shows the spots of its colour ([`crate::lighting`]), and is a sub-cycle to the firmware.
 
-use crate::atmosphere::{Atmosphere, Turbulence};
+use crate::atmosphere::Atmosphere;
 use crate::board::{Board, Frame, Standing, operate};
 use crate::error::{Error, refuse};
 use crate::imager::{Imager, Noise};
@@ -119,18 +119,13 @@ impl<'a> ClosedLoop<'a> {
         if run.frames == 0 {
             return Err(refuse("--frames", 0, "at least 1"));
         }
-        let electrons = instrument.electrons_per_spot()?;
+        let pupil = instrument.pupil()?;
+        let electrons = instrument.electrons_per_spot_on(&pupil);
         if !(electrons > 0.0 && electrons <= 1e9) {
             return Err(refuse("laser.electrons_per_spot", electrons, "above 0 and at most 1e9"));
         }
-        let pupil = instrument.pupil()?;
-        let turbulence = Turbulence::new(
-            instrument.r0_m(),
-            &instrument.layers(),
-            pupil.diameter_m(),
-            pupil.pitch_m(),
-            f64::from(run.frames) * instrument.frame_s(),
-        )?;
+        let duration_s = f64::from(run.frames) * instrument.frame_s();
+        let turbulence = instrument.turbulence(&pupil, duration_s)?;
         let atmosphere = turbulence.realise(run.seed, progress).into();
         Self::under(instrument, reconstructor, board, run, atmosphere)
     }

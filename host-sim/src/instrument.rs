@@ -21,6 +21,7 @@ use clap::ValueEnum;
 use limits::{MAX_PROFILE_LAYERS, within};
 pub use schedule::{Colours, Lattice, LatticeName, PowerName, ScheduleSection};
 use serde::{Deserialize, Serialize};
+use splash_firmware::centroid::MAX_WINDOW;
 use splash_firmware::geometry::Mask;
 use std::path::Path;
 pub use windows::{LayoutName, Windows};
@@ -389,8 +390,6 @@ const NOISE_FREE_PEAK_FRACTION: f64 = 0.005;
 /// Side of a window that holds a whole spot, lambda/d: what is beyond it costs the Strehl ratio less than 0.003
 /// at D/r0 = 8 (8 lambda/d cost up to 0.007, 16 less than 0.001 at four times the work).
 const WHOLE_SPOT_LAMBDA_D: f64 = 12.0;
-/// Pixels on the side of the largest window that optics and firmware take.
-const LARGEST_WINDOW: usize = 32;
 
 impl Instrument {
     /// The default instrument.
@@ -511,7 +510,7 @@ impl Instrument {
     pub fn with_whole_spots(mut self) -> Self {
         let windows = &mut self.windows;
         let wanted = (WHOLE_SPOT_LAMBDA_D * windows.pixels_per_lambda_d).ceil() as usize;
-        windows.size = windows.size.max(wanted.min(LARGEST_WINDOW));
+        windows.size = windows.size.max(wanted.min(MAX_WINDOW));
         windows.spacing_px = windows.spacing_px.max(windows.size);
         let field = (windows.size as f64 / windows.pixels_per_lambda_d).ceil() as usize;
         self.telescope.samples = self.telescope.samples.max(field);

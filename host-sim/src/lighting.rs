@@ -25,7 +25,7 @@ impl Lighting {
     /// # Errors
     /// [`Error::Config`] for a schedule that cannot be.
     pub fn new(instrument: &Instrument) -> Result<Self, Error> {
-        Self::of(instrument, instrument.colours()?)
+        Ok(Self::of(instrument, instrument.electrons_per_spot()?, instrument.colours()?))
     }
 
     /// That of the schedule on a pupil, which may be larger than any that the firmware takes.
@@ -34,12 +34,12 @@ impl Lighting {
     /// As [`Lighting::new`].
     pub fn on(instrument: &Instrument, pupil: &Pupil) -> Result<Self, Error> {
         let cells: Vec<_> = pupil.subapertures().iter().map(|&[x, y]| (x, y)).collect();
-        Self::of(instrument, instrument.colours_of(pupil.across(), &cells)?)
+        let colours = instrument.colours_of(pupil.across(), &cells)?;
+        Ok(Self::of(instrument, instrument.electrons_per_spot_on(pupil), colours))
     }
 
-    fn of(instrument: &Instrument, colours: Vec<u8>) -> Result<Self, Error> {
+    fn of(instrument: &Instrument, each: f64, colours: Vec<u8>) -> Self {
         let count = colours.iter().max().map_or(1, |&last| usize::from(last) + 1);
-        let each = instrument.electrons_per_spot()?;
         let electrons = |colour: usize| match instrument.schedule.power {
             PowerName::PerSpot => each,
             PowerName::Shared => {
@@ -47,7 +47,7 @@ impl Lighting {
                 each * colours.len() as f64 / lit.max(1) as f64
             }
         };
-        Ok(Self { electrons: (0..count).map(electrons).collect(), colours })
+        Self { electrons: (0..count).map(electrons).collect(), colours }
     }
 
     /// Frames of a cycle, each of which lights a colour: 1 without a schedule.

@@ -143,6 +143,12 @@ impl Pupil {
         }
     }
 
+    /// The amplitudes of all samples, row-major.
+    pub(crate) fn amplitudes(&self) -> Vec<f32> {
+        let side = self.side();
+        (0..side * side).map(|k| self.amplitude(k / side, k % side)).collect()
+    }
+
     /// The amplitudes' sum: the open area in samples.
     pub fn open_samples(&self) -> f64 {
         match self.amplitude.as_slice() {

@@ -2,6 +2,8 @@
 
 use host_sim::beacon::{Kind, Link, Scatterer};
 use host_sim::instrument::Instrument;
+use host_sim::lighting::Lighting;
+use host_sim::pupil::Pupil;
 use std::f64::consts::PI;
 
 fn parse(toml: &str) -> Instrument {
@@ -149,4 +151,16 @@ fn gates_that_blur_beyond_the_image_are_refused() {
     let error = parse("[laser]\nslices = 3\ngate_depth_m = 303").check().unwrap_err().to_string();
     assert!(error.starts_with("laser.gate_depth_m = 303: must be at most 302.6"), "{error}");
     parse("[laser]\ngate_depth_m = 303").check().unwrap();
+}
+
+/// Twice the spots share the laser's power and are seen by twice the area: beyond what the firmware takes as well.
+#[test]
+fn a_spot_has_as_much_light_on_any_telescope() {
+    let instrument = parse("[photons]\nnumber = \"lidar\"");
+    let on = |across| {
+        let pupil = Pupil::square(across, 2, instrument.telescope.pitch_m).unwrap();
+        assert_eq!(Lighting::on(&instrument, &pupil).unwrap().count(), 1);
+        instrument.electrons_per_spot_on(&pupil)
+    };
+    assert!((on(48) / on(8) - 1.0).abs() < 1e-12, "{} {}", on(48), on(8));
 }

@@ -83,6 +83,20 @@ fn the_whole_image_has_its_centre_where_the_gradient_says() {
     }
 }
 
+/// What a converged loop leaves of the gradients of Gaussian beams is nothing, as the sensor weighs them alike.
+#[test]
+fn narrow_beams_are_corrected_as_well() {
+    let toml = "[laser]\nlaunch = \"gaussian\"\nlaunch_waist_pitches = 0.3";
+    let description = Instrument::parse(toml, "test").unwrap();
+    let plain =
+        Estimate { name: "plain".into(), estimator: EstimatorName::Plain, peak_fraction: 0.0 };
+    let study = CentroidStudy::new(&description, 4, false, &[plain]).unwrap();
+    for (state, sums) in STATES.iter().zip(study.screen(5, 0).unwrap()) {
+        let exact = sums.exact_px();
+        assert_eq!(exact > 1e-3, state.up < 1.0, "{}: {exact}", state.name);
+    }
+}
+
 #[test]
 fn the_command_writes_every_state_and_estimator() {
     let place = tempfile::tempdir().unwrap();

@@ -2,7 +2,9 @@
 //! sensor do no harm.
 
 use host_sim::closed_loop::Sensing;
-use host_sim::instrument::Instrument;
+use host_sim::instrument::{Instrument, LaunchName};
+use host_sim::monte_carlo::budget::Case;
+use host_sim::monte_carlo::comparator::Comparator;
 use host_sim::monte_carlo::gates::{Contender, Contest, View};
 use host_sim::monte_carlo::point::{Conditions, Point};
 use host_sim::monte_carlo::slope_control::SlopeControl;
@@ -95,6 +97,24 @@ fn two_gates_leave_less_than_one_whatever_the_profile() {
         let Mean { mean, standard_error } = Mean::of_differences(&all[1], &all[2]);
         println!("{share} at {height_m} m: gain {mean:.4}({standard_error:.4}) rad^2");
         assert!(mean > 3.0 * standard_error, "{share} at {height_m}: {mean} +- {standard_error}");
+    }
+}
+
+/// One gate with f = 1 is the loop that strehl closes, with beams of any shape.
+#[test]
+fn one_gate_is_the_loop_of_a_strehl_run() {
+    for launch in [LaunchName::Uniform, LaunchName::Gaussian] {
+        let mut instrument = point(8, 3_000.0, 0.4).instrument().clone();
+        (instrument.laser.launch, instrument.laser.launch_waist_pitches) = (launch, 0.3);
+        let conditions = point(8, 3_000.0, 0.4).conditions();
+        let point = Point::new(&instrument, 8, conditions).unwrap();
+        let case = Case { comparator: Comparator::Splash, until: None };
+        let prepared = point.prepare(&[case], &mut |_| ()).unwrap();
+        let [(_, expected)] = prepared.run(4, &[case]).unwrap()[..] else { panic!("one case") };
+        let contenders = [splash("splash", Law::scalar(1.0))];
+        let found = Contest::new(&point, &contenders, 6_000.0, 0.0).unwrap().run(4).unwrap()[0];
+        let apart = found.variance_rad2 / expected.variance_rad2 - 1.0;
+        assert!(apart.abs() < 1e-6, "{launch:?}: {found:?} {expected:?}");
     }
 }
 

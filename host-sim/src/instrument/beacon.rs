@@ -1,10 +1,13 @@
 //! The beacon of an instrument: its beams, its slab, its light.
 
 use super::{Instrument, LaunchName, PhotonNumberName, ScattererName};
+use crate::atmosphere::Turbulence;
 use crate::beacon::{Kind, Link, Scatterer};
 use crate::error::Error;
+use crate::optics::OpticsError;
 use crate::optics::launch::Launch;
 use crate::optics::slab::Slab;
+use crate::pupil::Pupil;
 
 impl Instrument {
     /// The beams launched through the subapertures.
@@ -58,21 +61,22 @@ impl Instrument {
     /// # Errors
     /// [`Error::Config`] if the pupil cannot be.
     pub fn electrons_per_spot(&self) -> Result<f64, Error> {
+        Ok(self.electrons_per_spot_on(&self.pupil()?))
+    }
+
+    /// The same on a pupil, which may be larger than any that the firmware takes.
+    pub fn electrons_per_spot_on(&self, pupil: &Pupil) -> f64 {
         match self.photons.number {
-            PhotonNumberName::Given => Ok(self.laser.electrons_per_spot),
-            PhotonNumberName::Lidar => Ok(self.lidar()?.electrons()),
+            PhotonNumberName::Given => self.laser.electrons_per_spot,
+            PhotonNumberName::Lidar => self.lidar(pupil).electrons(),
         }
     }
 
     /// The lidar equation of one spot.
-    ///
-    /// # Errors
-    /// As [`Self::electrons_per_spot`].
-    pub fn lidar(&self) -> Result<Link, Error> {
+    pub fn lidar(&self, pupil: &Pupil) -> Link {
         let Self { laser, photons, .. } = self;
-        let pupil = self.pupil()?;
         let spots = pupil.subapertures().len() as f64;
-        Ok(Link {
+        Link {
             scatterer: self.scatterer(),
             wavelength_m: laser.wavelength_m,
             energy_j: photons.laser_power_w * self.frame_s() / spots,
@@ -84,7 +88,23 @@ impl Instrument {
             area_m2: pupil.open_samples() * pupil.sample_pitch_m().powi(2),
             receive_throughput: photons.receive_throughput,
             quantum_efficiency: photons.quantum_efficiency,
-        })
+        }
+    }
+
+    /// The same instrument under layers that stand still.
+    #[must_use]
+    pub fn frozen(mut self) -> Self {
+        self.atmosphere.layers.iter_mut().for_each(|layer| layer.wind_speed_m_per_s = 0.0);
+        self
+    }
+
+    /// The turbulence over a pupil for `duration_s`.
+    ///
+    /// # Errors
+    /// [`OpticsError`] as [`Turbulence::new`].
+    pub fn turbulence(&self, pupil: &Pupil, duration_s: f64) -> Result<Turbulence, OpticsError> {
+        let (diameter_m, pitch_m) = (pupil.diameter_m(), pupil.pitch_m());
+        Turbulence::new(self.r0_m(), &self.layers(), diameter_m, pitch_m, duration_s)
     }
 
     /// Fried parameter at the laser's wavelength, m.

@@ -1,6 +1,6 @@
 //! What the detector of a board sees whose frames come from here.
 
-use crate::atmosphere::{Atmosphere, Turbulence};
+use crate::atmosphere::Atmosphere;
 use crate::error::Error;
 use crate::imager::{Imager, Noise};
 use crate::instrument::Instrument;
@@ -97,13 +97,8 @@ impl Simulated {
 
     fn draw_sky(&self) -> Result<(Atmosphere, Imager), Error> {
         let Self { instrument, reconstructor, pupil, .. } = self;
-        let turbulence = Turbulence::new(
-            instrument.r0_m(),
-            &instrument.layers(),
-            pupil.diameter_m(),
-            pupil.pitch_m(),
-            f64::from(SKY_FRAMES) * instrument.frame_s(),
-        )?;
+        let duration_s = f64::from(SKY_FRAMES) * instrument.frame_s();
+        let turbulence = instrument.turbulence(pupil, duration_s)?;
         let sky = turbulence.realise(self.seed, &mut |_| ());
         let imager = Imager::new(instrument, reconstructor, Sensor::Splash, pupil, &sky)?;
         Ok((sky, imager))

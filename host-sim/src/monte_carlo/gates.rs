@@ -28,13 +28,13 @@
 //! | 50 % at H/4 | 1.088(70) | 0.809(52) | 0.440(14) | 0.3577(49) |
 //! | 30 % at H/4 | 0.778(44) | 0.657(39) | 0.3866(85) | 0.3324(41) |
 
-use super::point::{Outcome, Point, screen_seed};
+use super::point::{Outcome, Point, Sum, screen_seed};
 use super::slope_control::{SlopeControl, Tilts, remove_mean};
 use crate::atmosphere::{Atmosphere, Turbulence};
 use crate::error::Error;
 use crate::instrument::Instrument;
 use crate::optics::geometric::{GeometricSensor, Sensor};
-use crate::optics::science::{Observation, Science};
+use crate::optics::science::Science;
 use crate::optics::segment_fit::SegmentFit;
 use crate::pupil::Mirror;
 use crate::range_diversity::law::Law;
@@ -97,13 +97,7 @@ impl<'a> Contest<'a> {
         noise_rad: f64,
     ) -> Result<Self, Error> {
         let (instrument, pupil) = (point.instrument(), point.pupil());
-        let turbulence = Turbulence::new(
-            instrument.r0_m(),
-            &instrument.layers(),
-            pupil.diameter_m(),
-            pupil.pitch_m(),
-            point.duration_s(),
-        )?;
+        let turbulence = instrument.turbulence(pupil, point.duration_s())?;
         Ok(Self { point, contenders, gate_height_m, noise_rad, turbulence })
     }
 
@@ -124,7 +118,7 @@ impl<'a> Contest<'a> {
             SlopeControl::new(pupil, contender.law.clone(), control.gain, control.delay_frames)
         };
         let mut loops: Vec<SlopeControl> = self.contenders.iter().map(controller).collect();
-        let mut sums = vec![Outcome { strehl: 0.0, variance_rad2: 0.0 }; loops.len()];
+        let mut sums = vec![Sum::default(); loops.len()];
         let averaged = match self.noise_rad > 0.0 {
             true => point.conditions().settle..point.frames(),
             false => point.averaged(),
@@ -149,29 +143,19 @@ impl<'a> Contest<'a> {
                     View::Fit => {
                         if observed {
                             fit.fit(pupil, &atmosphere, time_s, &mut fitted);
-                            add(sum, &star.observe(&atmosphere, time_s, &fitted));
+                            sum.add(&star.observe(&atmosphere, time_s, &fitted));
                         }
                         continue;
                     }
                 };
                 if observed {
-                    add(sum, &star.observe(&atmosphere, time_s, control.mirror()));
+                    sum.add(&star.observe(&atmosphere, time_s, control.mirror()));
                 }
                 control.step(&mut first, &mut second);
             }
         }
-        let frames = averaged.len() as f64;
-        let mean = |sum: Outcome| Outcome {
-            strehl: sum.strehl / frames,
-            variance_rad2: sum.variance_rad2 / frames,
-        };
-        Ok(sums.into_iter().map(mean).collect())
+        Ok(sums.iter().map(Sum::mean).collect())
     }
-}
-
-fn add(sum: &mut Outcome, observation: &Observation) {
-    sum.strehl += observation.strehl;
-    sum.variance_rad2 += observation.variance_rad2;
 }
 
 impl Slopes {
@@ -179,7 +163,10 @@ impl Slopes {
         let (instrument, pupil) = (point.instrument(), point.pupil());
         let (height_m, scale) =
             (instrument.laser.beacon_height_m, instrument.windows.pixels_per_lambda_d);
-        let sensor = |kind| GeometricSensor::new(kind, pupil, atmosphere, height_m, scale);
+        let sensor = |kind| {
+            let sensor = GeometricSensor::new(kind, pupil, atmosphere, height_m, scale)?;
+            Ok::<_, Error>(sensor.with_launch(instrument.launch()))
+        };
         let flat = Mirror::flat(pupil.subapertures().len());
         let empty = || vec![[0.0; 2]; flat.segments.len()];
         Ok(Self {

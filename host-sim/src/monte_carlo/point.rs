@@ -1,7 +1,6 @@
 //! One size of pupil: what all its screens have in common, and the run of one screen.
 
 use super::budget::{Case, Step};
-use super::comparator::Comparator;
 use super::converged::Converged;
 use super::gradient_loop::GradientLoop;
 use crate::atmosphere::{Atmosphere, Turbulence};
@@ -156,13 +155,7 @@ impl Point {
         cases: &[Case],
         progress: &mut dyn FnMut(f64),
     ) -> Result<Prepared<'_>, Error> {
-        let turbulence = Turbulence::new(
-            self.instrument.r0_m(),
-            &self.instrument.layers(),
-            self.pupil.diameter_m(),
-            self.pupil.pitch_m(),
-            self.duration_s(),
-        )?;
+        let turbulence = self.instrument.turbulence(&self.pupil, self.duration_s())?;
         let mut eyes: Vec<Eye> = cases.iter().filter_map(|&case| self.eye(case)).collect();
         eyes.sort_unstable();
         eyes.dedup();
@@ -170,13 +163,17 @@ impl Point {
             cases.iter().filter_map(|case| case.comparator.sensor()).collect();
         sensors.sort_unstable();
         sensors.dedup();
-        let own = |sensor: Sensor| Ok((sensor, self.instrument_for(sensor)?));
+        // As each sensor has it, with its control law.
+        let own = |sensor: Sensor| {
+            Ok((sensor, self.instrument.clone().seen_by(sensor).with_lever_arm_of(sensor)?))
+        };
         let instruments: Vec<_> = sensors.into_iter().map(own).collect::<Result<_, Error>>()?;
         let mut reconstructors = Vec::new();
         for (index, &eye) in eyes.iter().enumerate() {
-            let (Eye::Images { comparator, .. } | Eye::Gradients { comparator }) = eye;
-            let Some(sensor) = comparator.sensor() else { continue };
-            let mut instrument = self.instrument_for(sensor)?;
+            let (Eye::Images { sensor, .. } | Eye::Gradients { sensor }) = eye;
+            let (_, instrument) =
+                instruments.iter().find(|(of, _)| *of == sensor).expect("of every case's sensor");
+            let mut instrument = instrument.clone();
             if matches!(eye, Eye::Images { noise_free: true, .. }) {
                 instrument = instrument.noise_free();
             }
@@ -195,18 +192,13 @@ impl Point {
     /// What the firmware is given in a case; `None` in cases without firmware.
     fn eye(&self, Case { comparator, until }: Case) -> Option<Eye> {
         let Conditions { sensing, noise_free, .. } = self.conditions;
-        comparator.sensor()?;
+        let sensor = comparator.sensor()?;
         match until {
-            None if sensing == Sensing::Images => Some(Eye::Images { comparator, noise_free }),
-            Some(Step::Images) => Some(Eye::Images { comparator, noise_free: true }),
-            Some(Step::Quantisation) => Some(Eye::Gradients { comparator }),
+            None if sensing == Sensing::Images => Some(Eye::Images { sensor, noise_free }),
+            Some(Step::Images) => Some(Eye::Images { sensor, noise_free: true }),
+            Some(Step::Quantisation) => Some(Eye::Gradients { sensor }),
             _ => None,
         }
-    }
-
-    /// The instrument as `sensor` has it, and its control law.
-    fn instrument_for(&self, sensor: Sensor) -> Result<Instrument, Error> {
-        self.instrument.clone().seen_by(sensor).with_lever_arm_of(sensor)
     }
 }
 
@@ -215,10 +207,10 @@ impl Point {
 enum Eye {
     /// Exact gradients: the ideal calibration is every sensor's, the control law its own.
     Gradients {
-        comparator: Comparator,
+        sensor: Sensor,
     },
     Images {
-        comparator: Comparator,
+        sensor: Sensor,
         noise_free: bool,
     },
 }
@@ -376,21 +368,21 @@ impl Prepared<'_> {
 }
 
 /// A mean in the making.
-#[derive(Default)]
-struct Sum {
+#[derive(Clone, Default)]
+pub(super) struct Sum {
     strehl: f64,
     variance_rad2: f64,
     frames: u32,
 }
 
 impl Sum {
-    fn add(&mut self, observation: &Observation) {
+    pub(super) fn add(&mut self, observation: &Observation) {
         self.strehl += observation.strehl;
         self.variance_rad2 += observation.variance_rad2;
         self.frames += 1;
     }
 
-    fn mean(&self) -> Outcome {
+    pub(super) fn mean(&self) -> Outcome {
         let frames = f64::from(self.frames);
         Outcome { strehl: self.strehl / frames, variance_rad2: self.variance_rad2 / frames }
     }

@@ -3,7 +3,8 @@
 use super::OpticsError;
 use super::lane_fft::LANES;
 use super::otf::Lags;
-use pulp::Simd;
+use super::sinc::sinc;
+use pulp::{Simd, WithSimd};
 
 /// Intensity I(theta) = sum over lags l of OTF(l) exp(-2 pi i l u), u = theta d/(n lambda),
 /// integrated over the pixels of a square window.
@@ -149,7 +150,19 @@ impl FocalPlane {
     }
 }
 
-/// sin x / x
-fn sinc(x: f64) -> f64 {
-    if x == 0.0 { 1.0 } else { x.sin() / x }
+/// The image of a transfer function: [`FocalPlane::image`], to be dispatched.
+pub(crate) struct Image<'a> {
+    pub(crate) plane: &'a FocalPlane,
+    pub(crate) otf: &'a Lags,
+    pub(crate) scratch: &'a mut FocalPlaneScratch,
+    pub(crate) image: &'a mut [f32],
+}
+
+impl WithSimd for Image<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.plane.image(simd, self.otf, self.scratch, self.image);
+    }
 }

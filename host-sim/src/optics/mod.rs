@@ -27,6 +27,7 @@ pub mod phase;
 mod sampling;
 pub mod science;
 pub mod segment_fit;
+pub(crate) mod sinc;
 pub(crate) mod sincos;
 pub mod slab;
 pub mod splash_image;

@@ -26,6 +26,12 @@ impl Lags {
         let length = samples * (2 * samples - 1);
         Self { re: vec![0.0; length], im: vec![0.0; length] }
     }
+
+    /// Zero again.
+    pub(crate) fn clear(&mut self) {
+        self.re.fill(0.0);
+        self.im.fill(0.0);
+    }
 }
 
 /// The phase of one spot's path over the pupil: a part common to all spots and, for each layer
@@ -254,6 +260,13 @@ impl PupilOtf {
             }
         }
     }
+}
+
+/// `[row][col]` as `[group][col][lane]`, zero in lanes beyond the last row.
+pub(crate) fn in_lanes(rows: &[f32], side: usize) -> Vec<f32> {
+    let mut lanes = vec![0.0; side.div_ceil(LANES) * LANES * side];
+    to_lanes(rows, side, &mut lanes);
+    lanes
 }
 
 /// `[row][col]` to `[group][col][lane]`; lanes beyond the last row keep their value.

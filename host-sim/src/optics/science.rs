@@ -69,8 +69,7 @@ impl Science {
         let half_m = pupil.diameter_m() / 2.0;
         let coordinates: Vec<f64> = (0..side).map(|k| pupil.sample_m(k) / half_m).collect();
         let mut normal = [[0.0; 3]; 3];
-        let amplitude: Vec<f32> =
-            (0..side * side).map(|k| pupil.amplitude(k / side, k % side)).collect();
+        let amplitude = pupil.amplitudes();
         let mut lit = vec![0.0; side * side];
         for (k, lit) in lit.iter_mut().enumerate() {
             if amplitude[k] > 0.0 {

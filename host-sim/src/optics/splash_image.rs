@@ -8,10 +8,10 @@
 
 use super::OpticsError;
 use super::block_otf::{BlockOtf, BlockOtfScratch};
-use super::focal_plane::{FocalPlane, FocalPlaneScratch};
+use super::focal_plane::{FocalPlane, FocalPlaneScratch, Image};
 use super::lane_fft::LANES;
 use super::launch::Launch;
-use super::otf::{HighLayer, Lags, PathPhase, PupilOtf, PupilOtfScratch, to_lanes};
+use super::otf::{HighLayer, Lags, PathPhase, PupilOtf, PupilOtfScratch, in_lanes, to_lanes};
 use super::phase::{Path, PhaseSampler, check_geometry};
 use super::sampling::{Footprint, Taps};
 use super::slab::{Slab, Slice};
@@ -95,13 +95,8 @@ impl SplashCamera {
         check_geometry(pupil, atmosphere, Some(beacon_height_m))?;
         let (samples, side) = (pupil.samples(), pupil.side());
         let focal_plane = FocalPlane::checked(samples, window, pixels_per_lambda_d)?;
-        let mut illuminated = vec![0.0; side * side];
-        for (k, value) in illuminated.iter_mut().enumerate() {
-            *value = pupil.amplitude(k / side, k % side);
-        }
-        let lanes = side.div_ceil(LANES) * LANES * side;
-        let mut mask = vec![0.0; lanes];
-        to_lanes(&illuminated, side, &mut mask);
+        let mask = in_lanes(&pupil.amplitudes(), side);
+        let lanes = mask.len();
         Ok(Self {
             pupil: pupil.clone(),
             beacon_height_m,
@@ -206,10 +201,7 @@ impl SplashCamera {
             }));
         }
         let mut totals = std::mem::take(&mut self.totals);
-        for lags in &mut totals {
-            lags.re.fill(0.0);
-            lags.im.fill(0.0);
-        }
+        totals.iter_mut().for_each(Lags::clear);
         for slice in self.slab.slices.clone() {
             self.add_slice(slice, atmosphere, time_s, &mut totals);
         }
@@ -217,7 +209,8 @@ impl SplashCamera {
         let spots = images.par_chunks_exact_mut(pixels).zip(&totals).enumerate();
         spots.filter(|(spot, _)| camera.is_lit(*spot)).for_each(|(_, (image, otf))| {
             let mut scratch = camera.scratch();
-            arch.dispatch(Image { camera, otf, scratch: &mut scratch.focal_plane, image });
+            let (plane, scratch) = (&camera.focal_plane, &mut scratch.focal_plane);
+            arch.dispatch(Image { plane, otf, scratch, image });
         });
         self.totals = totals;
     }
@@ -349,9 +342,7 @@ fn squares_m2(pupil: &Pupil) -> Vec<f32> {
     let side = pupil.side();
     let square = |k: usize| pupil.sample_m(k / side).powi(2) + pupil.sample_m(k % side).powi(2);
     let squares: Vec<f32> = (0..side * side).map(|k| square(k) as f32).collect();
-    let mut lanes = vec![0.0; side.div_ceil(LANES) * LANES * side];
-    to_lanes(&squares, side, &mut lanes);
-    lanes
+    in_lanes(&squares, side)
 }
 
 impl High {
@@ -410,22 +401,5 @@ impl WithSimd for Spot<'_> {
             *total_re += weight * (product.0 * norm);
             *total_im += weight * (product.1 * norm);
         }
-    }
-}
-
-/// The image of a spot from its transfer function.
-struct Image<'a> {
-    camera: &'a SplashCamera,
-    otf: &'a Lags,
-    scratch: &'a mut FocalPlaneScratch,
-    image: &'a mut [f32],
-}
-
-impl WithSimd for Image<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        self.camera.focal_plane.image(simd, self.otf, self.scratch, self.image);
     }
 }

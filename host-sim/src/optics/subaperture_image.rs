@@ -10,10 +10,10 @@
 
 use super::OpticsError;
 use super::block_otf::{BlockOtf, BlockOtfScratch};
-use super::focal_plane::{FocalPlane, FocalPlaneScratch};
+use super::focal_plane::{FocalPlane, Image};
 use super::lane_fft::LANES;
 use super::launch::Launch;
-use super::otf::{Lags, PathPhase, to_lanes};
+use super::otf::{Lags, PathPhase, in_lanes, to_lanes};
 use super::phase::{Path, PhaseSampler, check_geometry};
 use super::slab::{Slab, Slice};
 use crate::atmosphere::Atmosphere;
@@ -75,7 +75,7 @@ impl SubapertureCamera {
             phase: vec![0.0; side * side],
             mirror: vec![0.0; side * side],
             lanes: vec![0.0; side.div_ceil(LANES) * LANES * side],
-            mask: if pupil.is_obstructed() { mask(pupil) } else { vec![] },
+            mask: if pupil.is_obstructed() { in_lanes(&pupil.amplitudes(), side) } else { vec![] },
             totals: vec![Lags::new(samples); pupil.subapertures().len()],
         })
     }
@@ -121,10 +121,7 @@ impl SubapertureCamera {
         assert_eq!(images.len(), self.spots() * pixels, "images");
         mirror.phase(&self.pupil, &mut self.mirror);
         let mut totals = std::mem::take(&mut self.totals);
-        for lags in &mut totals {
-            lags.re.fill(0.0);
-            lags.im.fill(0.0);
-        }
+        totals.iter_mut().for_each(Lags::clear);
         match self.slab.clone() {
             None => self.add(Path::Star, 1.0, 0.0, (atmosphere, time_s), &mut totals),
             Some(slab) => {
@@ -135,10 +132,10 @@ impl SubapertureCamera {
                 }
             }
         }
-        let (camera, arch) = (&*self, Arch::new());
+        let (plane, arch) = (&self.focal_plane, Arch::new());
         images.par_chunks_exact_mut(pixels).zip(&totals).for_each_init(
-            || camera.focal_plane.scratch(),
-            |scratch, (image, otf)| arch.dispatch(Image { camera, otf, scratch, image }),
+            || plane.scratch(),
+            |scratch, (image, otf)| arch.dispatch(Image { plane, otf, scratch, image }),
         );
         self.totals = totals;
     }
@@ -181,15 +178,6 @@ impl SubapertureCamera {
     }
 }
 
-/// Amplitude at the samples, in lanes.
-fn mask(pupil: &Pupil) -> Vec<f32> {
-    let side = pupil.side();
-    let rows: Vec<f32> = (0..side * side).map(|k| pupil.amplitude(k / side, k % side)).collect();
-    let mut lanes = vec![0.0; side.div_ceil(LANES) * LANES * side];
-    to_lanes(&rows, side, &mut lanes);
-    lanes
-}
-
 /// The transfer function through one subaperture.
 struct Spot<'a> {
     camera: &'a SubapertureCamera,
@@ -216,22 +204,5 @@ impl WithSimd for Spot<'_> {
                 *total += weight * (value * norm);
             }
         }
-    }
-}
-
-/// The image through one subaperture from its transfer function.
-struct Image<'a> {
-    camera: &'a SubapertureCamera,
-    otf: &'a Lags,
-    scratch: &'a mut FocalPlaneScratch,
-    image: &'a mut [f32],
-}
-
-impl WithSimd for Image<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        self.camera.focal_plane.image(simd, self.otf, self.scratch, self.image);
     }
 }

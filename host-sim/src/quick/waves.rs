@@ -10,6 +10,7 @@
 //! sinc(k_x / 2) sinc(k_y / 2), and costs a complex product a wave.
 
 use crate::instrument::Instrument;
+use crate::optics::sinc::sinc;
 use crate::pupil::{Mirror, Pupil};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -121,10 +122,6 @@ impl Waves {
             }
         }
     }
-}
-
-fn sinc(u: f64) -> f64 {
-    if u == 0.0 { 1.0 } else { u.sin() / u }
 }
 
 #[cfg(test)]

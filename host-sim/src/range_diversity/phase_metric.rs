@@ -113,6 +113,13 @@ impl PhaseMetric {
         Shapes { tilts, pistons, moments }
     }
 
+    /// The means over the pupil of the products of phases, each with each.
+    pub fn gram(&self, phases: &Shapes) -> DMatrix<f64> {
+        let Shapes { tilts, pistons, moments } = phases;
+        let whole = pistons.tr_mul(pistons) + tilts.tr_mul(tilts) / 3.0;
+        whole / self.plane.nrows() as f64 - moments.tr_mul(&(self.inverse * moments))
+    }
+
     /// The mean over the pupil of the products of two sets of phases, rad^2, summed over the columns.
     pub fn inner(&self, a: &Shapes, b: &Shapes) -> f64 {
         let count = self.plane.nrows() as f64;

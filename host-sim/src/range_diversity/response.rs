@@ -17,6 +17,7 @@
 //! Lengths are in units of half the grid's side.
 
 use super::waves::Wave;
+use crate::optics::sinc::sinc;
 use crate::pupil::Pupil;
 use nalgebra::DMatrix;
 
@@ -185,10 +186,6 @@ fn add(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
 fn fitted_tip(u: f64) -> f64 {
     // The series where the difference would lose digits.
     if u.abs() < 1e-2 { u * (1.0 - u * u / 10.0) } else { 3.0 * (u.sin() - u * u.cos()) / (u * u) }
-}
-
-fn sinc(u: f64) -> f64 {
-    if u == 0.0 { 1.0 } else { u.sin() / u }
 }
 
 /// Takes the mean over the segments off, axis by axis.

@@ -28,9 +28,9 @@
 use super::covariance::{SquarePair, matrix};
 use super::residuals::Layer;
 use super::squares::Squares;
-use crate::monte_carlo::pistons::Pistons;
 use crate::pupil::Pupil;
-use nalgebra::{DMatrix, DVector};
+use crate::range_diversity::phase_metric::PhaseMetric;
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 use splash_firmware::geometry::Mask;
 use std::collections::BTreeMap;
@@ -85,41 +85,14 @@ fn variances(beacon: Beacon, beta: f64) -> [f64; 2] {
     found
 }
 
-/// R^T R over the number of segments: its sum with the covariances of gradients is the variance that the mirror
-/// gives the wavefront. A tilt of t from centre to edge has a mean square of t^2 / 3.
+/// R^T R in the mean over the pupil: its sum with the covariances of gradients is the variance that the mirror gives
+/// the wavefront.
 fn variance(subapertures: &Squares) -> DMatrix<f64> {
     let pupil = Pupil::circular(ACROSS, 2, subapertures.pitch()).expect("a size that optics take");
-    let mut pistons = Pistons::new(&pupil);
-    let count = subapertures.count();
-    let scale = (1.0f64 / 3.0).sqrt();
-    let stacked = |piston: &dyn Fn(usize) -> f64, tilt: &dyn Fn(usize, usize) -> f64| {
-        DVector::from_fn(3 * count, |row, _| match (row / 3, row % 3) {
-            (i, 0) => piston(i),
-            (i, axis) => scale * tilt(i, axis - 1),
-        })
-    };
+    let metric = PhaseMetric::new(&pupil);
     // A gradient of one is half a pitch from centre to edge.
-    let edge = 0.5 * subapertures.pitch();
-    let planes = [0, 1].map(|axis| {
-        let tilt = |_, other| if other == axis { edge } else { 0.0 };
-        stacked(&|i| subapertures.centre(i)[axis], &tilt).normalize()
-    });
-    let columns: Vec<DVector<f64>> = (0..2 * count)
-        .map(|column| {
-            let mut tilts = vec![[0.0; 2]; count];
-            tilts[column / 2][column % 2] = edge;
-            let solved = pistons.solve(&tilts);
-            let mean = solved.iter().sum::<f64>() / count as f64;
-            let mut shape = stacked(&|i| solved[i] - mean, &|i, axis| tilts[i][axis]);
-            for plane in &planes {
-                let part = plane.dot(&shape);
-                shape.axpy(-part, plane, 1.0);
-            }
-            shape
-        })
-        .collect();
-    let made = DMatrix::from_columns(&columns);
-    made.tr_mul(&made) / count as f64
+    let (slopes, edge) = (2 * subapertures.count(), 0.5 * subapertures.pitch());
+    metric.gram(&metric.mirror(DMatrix::from_diagonal_element(slopes, slopes, edge)))
 }
 
 /// <g s> and <s s> of gradients over `squares`, without the lever arm.
