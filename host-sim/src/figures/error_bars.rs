@@ -30,7 +30,8 @@ impl Measured {
     }
 }
 
-/// Draws curves with error bars of one standard error up and down, y from 0 to 1.
+/// Draws curves with error bars of one standard error up and down, y from 0 to 1; x from 0, or from the first point
+/// if that is less.
 ///
 /// # Errors
 /// [`FigureError::Size`] if a curve has not one value and one error for each x, [`FigureError::Io`].
