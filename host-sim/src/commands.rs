@@ -21,3 +21,24 @@ pub mod reproduce;
 pub mod scale;
 pub mod strehl;
 pub mod theory;
+
+use std::cmp::Ordering;
+
+/// Values in the order in which they come, each once.
+fn once<T: PartialEq>(values: impl IntoIterator<Item = T>) -> Vec<T> {
+    let mut all = Vec::new();
+    for value in values {
+        if !all.contains(&value) {
+            all.push(value);
+        }
+    }
+    all
+}
+
+/// Values of an argument by `order`, each once.
+fn increasing<T: Copy + PartialEq>(values: &[T], order: fn(&T, &T) -> Ordering) -> Vec<T> {
+    let mut values = values.to_vec();
+    values.sort_unstable_by(order);
+    values.dedup();
+    values
+}

@@ -1,8 +1,10 @@
 //! `host-sim power` and `host-sim beam` as a user runs them.
 
 mod common;
+#[path = "common/refusal.rs"]
+mod refusal;
 
-use common::{json, run};
+use common::json;
 
 #[test]
 fn power_against_strehl() {
@@ -30,14 +32,16 @@ fn power_against_strehl() {
     // Again, on one thread and without what was kept.
     std::fs::remove_dir_all(&files).unwrap();
     assert_eq!(json("power", place.path(), "1", &arguments), result);
+    // A beacon that is given twice is run once.
+    let twice = [&arguments[..], &["--beacons", "sodium,rayleigh,sodium"]].concat();
+    let twice = json("power", place.path(), "2", &twice);
+    assert_eq!(twice["beacons"], serde_json::json!([beacons[1], beacons[0]]));
     for (wrong, words) in [
         (["--depth", "0"], "--depth = 0: must be from 0.01 to 10 depths of focus"),
         (["--powers", "-1"], "photons.laser_power_w = -1: must be from 0.000001 to 1000000"),
     ] {
-        let output = run("power", place.path(), "1", &wrong);
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(said.contains(&words.replace("0.000001", "1e-6")), "{said}");
+        let words = words.replace("0.000001", "1e-6");
+        refusal::fails("power", place.path(), &wrong, 2, &[&words]);
     }
 }
 

@@ -300,7 +300,12 @@ fn a_long_legend_has_rows() {
     let names: Vec<String> = (0..9).map(|k| format!("curve of number {k}")).collect();
     let curves: Vec<_> = names
         .iter()
-        .map(|name| Measured { name, colour: "#123456", y: &[0.5], error: &[0.1] })
+        .map(|name| Measured {
+            name: name.clone(),
+            colour: "#123456",
+            y: vec![0.5],
+            error: vec![0.1],
+        })
         .collect();
     error_bars(&path, ["x", "y"], "a title", &[1.0], &curves).unwrap();
     let (text, _) = open(&path);
@@ -319,4 +324,30 @@ fn a_long_legend_has_rows() {
             assert!((x - other_x).abs() > 110.0 || (y - other_y).abs() > 14.0, "{k}");
         }
     }
+}
+
+/// Logarithms have a sign: all points are within the frame.
+#[test]
+fn points_left_of_zero_are_in_the_frame() {
+    let directory = TempDir::new().unwrap();
+    let path = directory.path().join("negative.svg");
+    let x = [-2.0, 0.0, 1.5];
+    let curve = Measured {
+        name: "a curve".into(),
+        colour: "#123456",
+        y: vec![0.2, 0.5, 0.9],
+        error: vec![0.1; 3],
+    };
+    error_bars(&path, ["x", "y"], "a title", &x, &[curve]).unwrap();
+    let (text, _) = open(&path);
+    let document = roxmltree::Document::parse(&text).unwrap();
+    let circles = document.descendants().filter(|node| node.tag_name().name() == "circle");
+    let places: Vec<f64> =
+        circles.map(|node| node.attribute("cx").unwrap().parse().unwrap()).collect();
+    // The frame begins where the title does.
+    let title = document.descendants().find(|node| node.text().map(str::trim) == Some("a title"));
+    let left: f64 = title.unwrap().attribute("x").unwrap().parse().unwrap();
+    assert_eq!(places.len(), 3);
+    assert!(places.iter().all(|place| *place >= left), "{places:?} {left}");
+    assert!((places[2] - places[1] - 0.75 * (places[1] - places[0])).abs() < 0.02, "{places:?}");
 }

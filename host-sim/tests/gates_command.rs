@@ -1,6 +1,8 @@
 //! `host-sim gates` as a user meets it.
 
 mod common;
+#[path = "common/refusal.rs"]
+mod refusal;
 
 use host_sim::files::csv::Series;
 use host_sim::files::fits::FitsReader;
@@ -71,9 +73,6 @@ fn what_cannot_be_is_refused() {
         (&["--slope-noise", "-1"], "second_gate.slope_noise_rad = -1: must be from 0 to 100"),
         (&["--wind", "11"], "--wind = 11: must be from 0 to 10 pitches per frame"),
     ] {
-        let output = common::run(COMMAND, place.path(), "2", arguments);
-        let error = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
-        assert!(error.contains(words) && error.lines().count() == 1, "{arguments:?}: {error}");
+        refusal::fails(COMMAND, place.path(), arguments, 2, &[words]);
     }
 }

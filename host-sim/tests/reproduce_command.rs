@@ -1,17 +1,14 @@
 //! `host-sim reproduce` as a user meets it.
 
 mod common;
+#[path = "common/refusal.rs"]
+mod refusal;
 
 use serde_json::Value;
 use std::path::Path;
-use std::process::Output;
 use tempfile::TempDir;
 
 const COMMAND: &str = "reproduce";
-
-fn run(place: &Path, threads: &str, arguments: &[&str]) -> Output {
-    common::run(COMMAND, place, threads, arguments)
-}
 
 fn json(place: &Path, threads: &str, arguments: &[&str]) -> Value {
     common::json(COMMAND, place, threads, arguments)
@@ -129,13 +126,7 @@ fn what_cannot_be_is_refused_before_it_starts() {
         (&["--n", "40", "--screens", "100000"], &["days", "--long"]),
         (&["--config", "none.toml"], &["none.toml"]),
     ] {
-        let output = run(place.path(), "2", arguments);
-        let error = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
-        assert!(output.stdout.is_empty() && error.lines().count() == 1, "{arguments:?}: {error}");
-        for word in words {
-            assert!(error.contains(word), "{arguments:?}: no {word:?} in {error}");
-        }
+        refusal::fails(COMMAND, place.path(), arguments, 2, words);
     }
     assert!(!place.path().join("target/splash/reproduce/index.html").exists());
 }

@@ -1,6 +1,8 @@
 //! `host-sim scale` as a user meets it.
 
 mod common;
+#[path = "common/refusal.rs"]
+mod refusal;
 
 use host_sim::files::csv::Series;
 use host_sim::files::fits::FitsReader;
@@ -104,19 +106,30 @@ fn numbers_files_and_pictures_agree() {
     assert_eq!(common::json("scale", at, "1", &run), result);
 }
 
+/// Without `--images`, images are beside those of 8, 16 and 32 that are run.
+#[test]
+fn images_are_where_there_are_gradients() {
+    let place = TempDir::new().unwrap();
+    let run = ["--screens", "2", "--image-screens", "2", "--lever-arm", "1"];
+    for (n, with_images) in [("4,8", &[8][..]), ("4", &[])] {
+        let result = common::json("scale", place.path(), "2", &[&run[..], &["--n", n]].concat());
+        let points = result["points"].as_array().unwrap();
+        let images = points.iter().filter(|point| point["curve"] == "images_splash");
+        assert_eq!(images.map(|p| p["n"].as_u64().unwrap()).collect::<Vec<_>>(), with_images);
+    }
+}
+
 #[test]
 fn what_cannot_be_is_refused() {
     let place = TempDir::new().unwrap();
     for (arguments, words) in [
         (&["--n", "129", "--images"][..], ["--n = 129", "128"]),
         (&["--n", "8", "--images", "16"], ["--images = 16", "one of --n"]),
+        (&["--n", "8,16", "--images", "8,16,32"], ["--images = 32", "one of --n"]),
         (&["--n", "48", "--images", "48"], ["--n = 48", "40"]),
         (&["--lever-arm", "most"], ["most", "profile or best"]),
         (&["--lever-arm", "3"], ["control.lever_arm = 3", "1.9"]),
     ] {
-        let output = common::run("scale", place.path(), "1", arguments);
-        let error = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
-        assert!(words.iter().all(|word| error.contains(word)), "{arguments:?}: {error}");
+        refusal::fails("scale", place.path(), arguments, 2, &words);
     }
 }

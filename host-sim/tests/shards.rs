@@ -1,8 +1,11 @@
 //! Runs in parts, and `host-sim merge`, as a user meets them.
 
 mod common;
+#[path = "common/refusal.rs"]
+mod refusal;
 
 use host_sim::files::csv::Series;
+use refusal::fails;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,17 +19,6 @@ fn strehl(place: &Path, threads: &str, arguments: &[&str]) -> Value {
 /// A part of it, in the directory of that name.
 fn part(place: &Path, shard: &str, out: &str, arguments: &[&str]) -> Value {
     strehl(place, "1", &[arguments, &["--shard", shard, "--out", out]].concat())
-}
-
-/// A command that must fail with `code` and say `words`.
-fn fails(command: &str, place: &Path, arguments: &[&str], code: i32, words: &[&str]) {
-    let output = common::run(command, place, "2", arguments);
-    let error = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {error}");
-    assert_eq!(error.lines().count(), 1, "{arguments:?}: {error}");
-    for word in words {
-        assert!(error.contains(word), "{arguments:?}: no {word:?} in {error}");
-    }
 }
 
 /// All files of a run but its lock, and its screens as sets of lines: they come in any order.

@@ -1,20 +1,18 @@
 //! `host-sim strehl` as a user meets it.
 
 mod common;
+#[path = "common/refusal.rs"]
+mod refusal;
 
 use host_sim::files::csv::Series;
 use host_sim::files::fits::FitsReader;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Output, Stdio};
+use std::process::{Child, Stdio};
 use std::time::Duration;
 use tempfile::TempDir;
 
 const COMMAND: &str = "strehl";
-
-fn run(place: &Path, threads: &str, arguments: &[&str]) -> Output {
-    common::run(COMMAND, place, threads, arguments)
-}
 
 fn json(place: &Path, threads: &str, arguments: &[&str]) -> Value {
     common::json(COMMAND, place, threads, arguments)
@@ -27,13 +25,7 @@ fn started(place: &Path, arguments: &[&str]) -> Child {
 }
 
 fn refused(place: &Path, arguments: &[&str], words: &[&str]) {
-    let output = run(place, "2", arguments);
-    let error = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
-    assert!(output.stdout.is_empty() && error.lines().count() == 1, "{arguments:?}: {error}");
-    for word in words {
-        assert!(error.contains(word), "{arguments:?}: no {word:?} in {error}");
-    }
+    refusal::fails(COMMAND, place, arguments, 2, words);
 }
 
 /// The one file in which the screens of an N are kept.

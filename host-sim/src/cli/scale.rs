@@ -26,17 +26,16 @@ pub struct ScaleArgs {
         allow_negative_numbers = true
     )]
     pub(crate) n: Vec<usize>,
-    /// Of these, those with images beside them, 4 to 40; none to go without
+    /// Of these, those with images beside them, 4 to 40; none to go without [default: those of 8,16,32]
     #[arg(
         long,
         value_name = "N",
-        default_value = "8,16,32",
         value_delimiter = ',',
         num_args = 0..,
         allow_negative_numbers = true
     )]
-    pub(crate) images: Vec<usize>,
-    /// Control laws beside the description's with 1: numbers, profile or best, as lever_arm in [control]
+    pub(crate) images: Option<Vec<usize>>,
+    /// Control laws beside f = 1: numbers, profile or best, as lever_arm in [control]
     #[arg(long, value_name = "F", default_value = "profile,best", value_delimiter = ',')]
     pub(crate) lever_arm: Vec<LeverArm>,
     /// Independent screens for each N, in place of 200 up to N = 32, 100 up to 64 and 48 beyond

@@ -14,8 +14,8 @@
 //! is lost, there is little to gain.
 
 use super::campaign::{Campaign, Task};
-use super::output;
 use super::strehl::{SETTLE, STATIC_FRAMES};
+use super::{increasing, output};
 use crate::cli::BeamArgs;
 use crate::closed_loop::Sensing;
 use crate::error::{Error, refuse};
@@ -66,17 +66,13 @@ struct BeamPoint {
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &BeamArgs) -> Result<(), Error> {
     let start = Instant::now();
-    let sorted = |values: &[f64]| {
-        let mut values = values.to_vec();
-        values.sort_unstable_by(f64::total_cmp);
-        values.dedup();
-        values
-    };
-    let (pitches, waists) = (sorted(&args.pitches), sorted(&args.waists));
+    let pitches = increasing(&args.pitches, f64::total_cmp);
+    let waists = increasing(&args.waists, f64::total_cmp);
+    let description = args.description.load()?.of_one_gate()?;
     let mut points = Vec::new();
     for &pitch in &pitches {
         for waist in [None].into_iter().chain(waists.iter().copied().map(Some)) {
-            points.push((point(args, pitch, waist)?, args.screens));
+            points.push((point(args, &description, pitch, waist)?, args.screens));
         }
     }
     let directory = output::directory(args.output.out.as_deref(), "beam")?;
@@ -97,17 +93,20 @@ pub fn run(args: &BeamArgs) -> Result<(), Error> {
     let mut table: Vec<(&str, String)> = result.points.iter().map(row).collect();
     table.push(("screens", format!("{}, {}", args.screens, campaign.conditions())));
     table.push(("estimate", estimate));
-    table.push(("time", format!("{:.1} s", start.elapsed().as_secs_f64())));
-    table.push(("pictures and files", directory.display().to_string()));
-    output::report(args.output.json, &result, &table)
+    output::finish(&args.output, start, &directory, &result, table)
 }
 
 /// The point of a pitch in r0 with a waist, or with the uniform beam.
-fn point(args: &BeamArgs, pitch_r0: f64, waist: Option<f64>) -> Result<Point, Error> {
+fn point(
+    args: &BeamArgs,
+    description: &Instrument,
+    pitch_r0: f64,
+    waist: Option<f64>,
+) -> Result<Point, Error> {
     if !(0.1..=4.0).contains(&pitch_r0) {
         return Err(refuse("--pitches", pitch_r0, "from 0.1 to 4 r0"));
     }
-    let mut instrument = args.description.load()?.of_one_gate()?;
+    let mut instrument = description.clone();
     let r0_m = instrument.r0_m();
     let Instrument { telescope, atmosphere, laser, .. } = &mut instrument;
     telescope.subapertures = args.n.unwrap_or(telescope.subapertures);
@@ -220,23 +219,16 @@ fn write_fits(path: &Path, campaign: &Campaign, beams: usize, seed: u64) -> Resu
 
 /// Strehl ratio against waist, a curve for each pitch, and the uniform beam's as a line.
 fn draw(path: &Path, result: &BeamResult, beams: usize, waists: &[f64]) -> Result<(), Error> {
-    let none = vec![f64::NAN; waists.len()];
-    let mut data = Vec::new();
+    let mut curves = Vec::new();
     for (points, colour) in result.points.chunks(beams).zip(COLOURS.into_iter().cycle()) {
         let (uniform, waisted) = (&points[0], &points[1..]);
         let y: Vec<f64> = waisted.iter().map(|point| point.strehl).collect();
         let error: Vec<f64> = waisted.iter().map(|point| point.strehl_se).collect();
-        data.push((format!("Gaussian, d = {} r0", uniform.pitch_r0), colour, y, error));
-        let level = vec![uniform.strehl; waists.len()];
-        data.push((
-            format!("uniform, d = {} r0", uniform.pitch_r0),
-            "#999999",
-            level,
-            none.clone(),
-        ));
+        let name = format!("Gaussian, d = {} r0", uniform.pitch_r0);
+        curves.push(Measured { name, colour, y, error });
+        let name = format!("uniform, d = {} r0", uniform.pitch_r0);
+        curves.push(Measured::level(name, uniform.strehl, waists.len()));
     }
-    let curves: Vec<_> =
-        data.iter().map(|(name, colour, y, error)| Measured { name, colour, y, error }).collect();
     let title = format!("N = {}, {} screens, no noise", result.n, result.screens);
     let labels = ["waist (subapertures)", "Strehl ratio"];
     Ok(error_bars(path, labels, &title, waists, &curves)?)

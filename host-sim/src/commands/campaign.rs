@@ -19,7 +19,7 @@ const LONG_S: f64 = 86400.0;
 
 /// What is run.
 pub(super) struct Campaign {
-    /// By increasing N; at least one.
+    /// In the order of the points; at least one.
     pub(super) tasks: Vec<Task>,
     /// In the order of [`Comparator::ALL`], each once.
     pub(super) comparators: Vec<Comparator>,

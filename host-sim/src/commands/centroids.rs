@@ -1,6 +1,6 @@
 //! `host-sim centroids`: estimators on images against exact gradients.
 
-use super::{output, progress};
+use super::{increasing, output, progress};
 use crate::centroid_study::{CentroidStudy, Estimate, STATES, State, Sums, jackknife};
 use crate::cli::CentroidsArgs;
 use crate::closed_loop::Sensing;
@@ -58,9 +58,7 @@ pub fn run(args: &CentroidsArgs) -> Result<(), Error> {
     let start = Instant::now();
     let description = args.description.load()?.of_one_gate()?;
     let estimates = Estimate::all(&description, &args.peak_fractions);
-    let mut across = args.n.clone();
-    across.sort_unstable();
-    across.dedup();
+    let across = increasing(&args.n, Ord::cmp);
     let study = |&n: &usize| CentroidStudy::new(&description, n, args.noise, &estimates);
     let studies = across.iter().map(study).collect::<Result<Vec<_>, Error>>()?;
     let directory = output::directory(args.output.out.as_deref(), "centroids")?;
@@ -91,7 +89,7 @@ pub fn run(args: &CentroidsArgs) -> Result<(), Error> {
     }
     bar.finish_and_clear();
     let result = gather(args, &description, &estimates, &all);
-    write_csv(&directory.join("centroids.csv"), &result)?;
+    output::records(&directory.join("centroids.csv"), &result.points)?;
     write_fits(&directory.join("centroids.fits"), args, &estimates, &across, &result)?;
     for state in STATES {
         draw(&directory, state, &estimates, &result)?;
@@ -102,9 +100,7 @@ pub fn run(args: &CentroidsArgs) -> Result<(), Error> {
     table.push(("slope errors", head.to_string()));
     table.extend(result.points.iter().map(|point| ("", point.line())));
     table.push(("screens", format!("{} for each N, seed {}", args.screens, args.seed)));
-    table.push(("time", format!("{:.1} s", start.elapsed().as_secs_f64())));
-    table.push(("pictures and files", directory.display().to_string()));
-    output::report(args.output.json, &result, &table)
+    output::finish(&args.output, start, &directory, &result, table)
 }
 
 /// Sums of each N: screens, then states and estimators.
@@ -161,15 +157,6 @@ impl PointResult {
     }
 }
 
-fn write_csv(path: &Path, result: &CentroidsResult) -> Result<(), Error> {
-    let failed = |error: csv::Error| Error::Run(format!("{}: {error}", path.display()));
-    let mut writer = csv::Writer::from_path(path).map_err(failed)?;
-    for point in &result.points {
-        writer.serialize(point).map_err(failed)?;
-    }
-    Ok(writer.flush()?)
-}
-
 /// ERROR, FITTED and GAIN with their standard errors (value, standard error; estimator; state; N), and N.
 fn write_fits(
     path: &Path,
@@ -180,18 +167,12 @@ fn write_fits(
 ) -> Result<(), Error> {
     let shape = [2, estimates.len(), STATES.len(), across.len()];
     let header = |unit: &str| {
-        let mut header = Header::new()
-            .with("BUNIT", unit, "unit of the values")
-            .with("ORIGIN", "host-sim", "SPLASH simulator")
+        let header = output::cards(unit)
             .with("SCREENS", i64::from(args.screens), "screens for each N")
             .with("SEED", args.seed.to_string(), "seed of turbulence and noise");
-        for (index, estimate) in estimates.iter().enumerate() {
-            header = header.with(&format!("ESTIM{}", index + 1), estimate.name.as_str(), "axis 2");
-        }
-        for (index, state) in STATES.iter().enumerate() {
-            header = header.with(&format!("STATE{}", index + 1), state.name, "axis 3");
-        }
-        header
+        let names = estimates.iter().map(|estimate| estimate.name.as_str());
+        let header = output::along(header, 2, "ESTIM", names);
+        output::along(header, 3, "STATE", STATES.iter().map(|state| state.name))
     };
     let values = |of: fn(&PointResult) -> [f64; 2]| -> Vec<f64> {
         result.points.iter().flat_map(of).collect()
@@ -219,18 +200,16 @@ fn draw(
         result.points.iter().filter(here).map(of).collect()
     };
     let x = of(&estimates[0].name, |p| p.d_over_r0);
-    let data: Vec<_> = estimates
-        .iter()
-        .map(|e| (&e.name, of(&e.name, |p| p.error_px), of(&e.name, |p| p.error_px_se)))
-        .collect();
-    let curves: Vec<_> = data
-        .iter()
-        .zip(COLOURS.iter().cycle())
-        .map(|((name, y, error), colour)| Measured { name, colour, y, error })
-        .collect();
+    let curve = |(Estimate { name, .. }, colour): (&Estimate, &'static str)| Measured {
+        name: name.clone(),
+        colour,
+        y: of(name, |p| p.error_px),
+        error: of(name, |p| p.error_px_se),
+    };
+    let curves: Vec<_> = estimates.iter().zip(COLOURS.into_iter().cycle()).map(curve).collect();
     let path = directory.join(format!("centroids-{}.svg", state.name));
     let title = format!("centroid less exact gradient, {}", state.name);
-    let highest = data.iter().flat_map(|(_, y, _)| y).copied().fold(0.0, f64::max);
+    let highest = curves.iter().flat_map(|curve| &curve.y).copied().fold(0.0, f64::max);
     let labels = ["D / r0", "rms slope error (px)"];
     Ok(error_bars_up_to(path, labels, &title, &x, &curves, 1.1 * highest)?)
 }

@@ -1,6 +1,6 @@
 //! `host-sim crosstalk`: spots whose light falls into each other's windows, lit at once and in turn.
 
-use super::{output, progress};
+use super::{increasing, output, progress};
 use crate::calibration::SlopeCalibration;
 use crate::centroid_study::{CentroidStudy, Estimate, STATES, Sums, jackknife};
 use crate::cli::{CrosstalkArgs, Turns};
@@ -39,8 +39,8 @@ struct CrosstalkResult {
     points: Vec<PointResult>,
 }
 
-/// One distance and lattice. Numbers are null where the loop was refused.
-#[derive(Clone, Debug, Serialize)]
+/// One distance and lattice. Numbers are null where one of its loops was refused.
+#[derive(Debug, Serialize)]
 struct PointResult {
     spacing_lambda_d: f64,
     pitch_m: f64,
@@ -72,12 +72,23 @@ struct PointResult {
 
 /// What is to be run at a distance and lattice: on the sky, and isolated.
 struct Task {
-    result: PointResult,
+    spacing_lambda_d: f64,
+    pitch_m: f64,
+    spacing_px: f64,
+    lattice: &'static str,
+    groups: u32,
+    window_px: usize,
     points: Vec<Point>,
-    /// Strehl ratio of each screen, for each point.
-    strehl: Vec<Vec<f64>>,
-    /// Slope errors of each screen, open and corrected, for each point.
-    slopes: Vec<Vec<[Sums; 2]>>,
+    /// Of each point; none if one was refused.
+    ran: Vec<Ran>,
+    refused: Option<String>,
+}
+
+/// What a point came to, screen by screen.
+struct Ran {
+    strehl: Vec<f64>,
+    /// Slope errors, open and corrected.
+    slopes: Vec<[Sums; 2]>,
 }
 
 /// Runs it.
@@ -87,8 +98,7 @@ struct Task {
 pub fn run(args: &CrosstalkArgs) -> Result<(), Error> {
     let start = Instant::now();
     let mut sorted = args.clone();
-    sorted.spacing.sort_by(f64::total_cmp);
-    sorted.spacing.dedup();
+    sorted.spacing = increasing(&args.spacing, f64::total_cmp);
     let args = &sorted;
     let mut tasks = tasks(args)?;
     let directory = output::directory(args.output.out.as_deref(), "crosstalk")?;
@@ -112,7 +122,7 @@ pub fn run(args: &CrosstalkArgs) -> Result<(), Error> {
         wind: args.wind,
         points: tasks.iter().map(Task::result).collect(),
     };
-    write_csv(&directory.join("crosstalk.csv"), &result)?;
+    output::records(&directory.join("crosstalk.csv"), &result.points)?;
     write_fits(&directory.join("crosstalk.fits"), args, &tasks)?;
     draw(&directory.join("crosstalk.svg"), args, &result)?;
     let mut table: Vec<(&str, String)> = Vec::new();
@@ -121,9 +131,7 @@ pub fn run(args: &CrosstalkArgs) -> Result<(), Error> {
     table.push(("distance", head.to_string()));
     table.extend(result.points.iter().map(|point| ("", point.line())));
     table.push(("screens", format!("{}, wind {} pitches per frame", args.screens, args.wind)));
-    table.push(("time", format!("{:.1} s", start.elapsed().as_secs_f64())));
-    table.push(("pictures and files", directory.display().to_string()));
-    output::report(args.output.json, &result, &table)
+    output::finish(&args.output, start, &directory, &result, table)
 }
 
 /// All distances and lattices.
@@ -214,42 +222,30 @@ impl Task {
         let room = instrument.room_on_sky_px()?;
         let window_px =
             room.map_or(instrument.windows.size, |room| room.min(instrument.windows.size));
-        let mut result = PointResult {
+        let mut task = Self {
             spacing_lambda_d: spacing,
             pitch_m: instrument.telescope.pitch_m,
             spacing_px: instrument.spacing_on_sky_px(),
             lattice: turns.name(),
             groups,
             window_px,
-            strehl: f64::NAN,
-            strehl_se: f64::NAN,
-            isolated: f64::NAN,
-            isolated_se: f64::NAN,
-            difference: f64::NAN,
-            difference_se: f64::NAN,
-            open_px: f64::NAN,
-            open_px_se: f64::NAN,
-            corrected_px: f64::NAN,
-            corrected_px_se: f64::NAN,
-            isolated_open_px: f64::NAN,
-            isolated_open_px_se: f64::NAN,
-            isolated_corrected_px: f64::NAN,
-            isolated_corrected_px_se: f64::NAN,
+            points: Vec::new(),
+            ran: Vec::new(),
             refused: None,
         };
         if window_px < MIN_WINDOW {
-            result.window_px = 0;
+            task.window_px = 0;
             let words =
                 format!("{window_px} pixels between spots lit together: at least {MIN_WINDOW}");
-            result.refused = Some(words);
-            return Ok(Self { result, points: vec![], strehl: vec![], slopes: vec![] });
+            task.refused = Some(words);
+            return Ok(task);
         }
         instrument.windows.size = window_px;
         let mut isolated = instrument.clone();
         isolated.windows = isolated.windows.relayed();
         let point = |instrument: &Instrument| Point::new(instrument, n, conditions);
-        let points = vec![point(&instrument)?, point(&isolated)?];
-        Ok(Self { result, points, strehl: vec![], slopes: vec![] })
+        task.points = vec![point(&instrument)?, point(&isolated)?];
+        Ok(task)
     }
 
     /// Time for so many screens, s on one core.
@@ -272,12 +268,13 @@ impl Task {
     fn run(&mut self, screens: u32, workers: usize, done: &mut dyn FnMut()) -> Result<(), Error> {
         let case = Comparator::Splash.into();
         let jobs: Vec<Job> = (0..screens).map(|screen| (screen, vec![case])).collect();
+        let mut ran = Vec::new();
         for point in &self.points {
             let prepared = match point.prepare(&[case], &mut |_| ()) {
                 Ok(prepared) => prepared,
                 // A spot that does not follow its segment cannot be calibrated: that is a result.
                 Err(Error::Config(words)) => {
-                    self.result.refused = Some(words);
+                    self.refused = Some(words);
                     return Ok(());
                 }
                 Err(error) => return Err(error),
@@ -290,7 +287,6 @@ impl Task {
                 }
                 Ok(())
             })?;
-            self.strehl.push(strehl);
             let instrument = point.instrument();
             let noise = !point.conditions().noise_free;
             let estimates = [Estimate::described(instrument)];
@@ -301,30 +297,50 @@ impl Task {
                 // The first state and the last.
                 Ok([states[0], states[STATES.len() - 1]])
             });
-            self.slopes.push(sums.collect::<Result<_, Error>>()?);
+            ran.push(Ran { strehl, slopes: sums.collect::<Result<_, Error>>()? });
         }
+        self.ran = ran;
         Ok(())
     }
 
+    /// Strehl ratio of each screen at a point; nothing, whose mean is NaN, where a loop was refused.
+    fn strehl(&self, place: usize) -> &[f64] {
+        self.ran.get(place).map_or(&[], |ran| &ran.strehl)
+    }
+
     fn result(&self) -> PointResult {
-        let mut result = self.result.clone();
-        if let [sky, isolated] = self.strehl.as_slice() {
-            let of = |mean: Mean| (mean.mean, mean.standard_error);
-            (result.strehl, result.strehl_se) = of(Mean::of(sky));
-            (result.isolated, result.isolated_se) = of(Mean::of(isolated));
-            (result.difference, result.difference_se) = of(Mean::of_differences(sky, isolated));
+        let (strehl, isolated) = (Mean::of(self.strehl(0)), Mean::of(self.strehl(1)));
+        let difference = Mean::of_differences(self.strehl(0), self.strehl(1));
+        let slopes = |place: usize, state: usize| {
+            let Some(Ran { slopes, .. }) = self.ran.get(place) else { return (f64::NAN, f64::NAN) };
+            let sums: Vec<Sums> = slopes.iter().map(|sums| sums[state]).collect();
+            jackknife(&sums, Sums::error_px)
+        };
+        let (open, corrected) = (slopes(0, 0), slopes(0, 1));
+        let (isolated_open, isolated_corrected) = (slopes(1, 0), slopes(1, 1));
+        PointResult {
+            spacing_lambda_d: self.spacing_lambda_d,
+            pitch_m: self.pitch_m,
+            spacing_px: self.spacing_px,
+            lattice: self.lattice,
+            groups: self.groups,
+            window_px: self.window_px,
+            strehl: strehl.mean,
+            strehl_se: strehl.standard_error,
+            isolated: isolated.mean,
+            isolated_se: isolated.standard_error,
+            difference: difference.mean,
+            difference_se: difference.standard_error,
+            open_px: open.0,
+            open_px_se: open.1,
+            corrected_px: corrected.0,
+            corrected_px_se: corrected.1,
+            isolated_open_px: isolated_open.0,
+            isolated_open_px_se: isolated_open.1,
+            isolated_corrected_px: isolated_corrected.0,
+            isolated_corrected_px_se: isolated_corrected.1,
+            refused: self.refused.clone(),
         }
-        if let [sky, isolated] = self.slopes.as_slice() {
-            let error = |screens: &[[Sums; 2]], state: usize| {
-                let sums: Vec<Sums> = screens.iter().map(|sums| sums[state]).collect();
-                jackknife(&sums, Sums::error_px)
-            };
-            (result.open_px, result.open_px_se) = error(sky, 0);
-            (result.corrected_px, result.corrected_px_se) = error(sky, 1);
-            (result.isolated_open_px, result.isolated_open_px_se) = error(isolated, 0);
-            (result.isolated_corrected_px, result.isolated_corrected_px_se) = error(isolated, 1);
-        }
-        result
     }
 }
 
@@ -351,35 +367,24 @@ impl PointResult {
     }
 }
 
-fn write_csv(path: &Path, result: &CrosstalkResult) -> Result<(), Error> {
-    let failed = |error: csv::Error| Error::Run(format!("{}: {error}", path.display()));
-    let mut writer = csv::Writer::from_path(path).map_err(failed)?;
-    for point in &result.points {
-        writer.serialize(point).map_err(failed)?;
-    }
-    Ok(writer.flush()?)
-}
-
-/// STREHL (screen; sky, isolated; lattice; distance), NaN where a loop was refused, and the axes.
+/// STREHL (screen; sky, isolated; lattice; distance), NaN where one of the two loops was refused, and the axes.
 fn write_fits(path: &Path, args: &CrosstalkArgs, tasks: &[Task]) -> Result<(), Error> {
     let screens = args.screens as usize;
-    let column = |task: &Task, index: usize| {
-        task.strehl.get(index).cloned().unwrap_or_else(|| vec![f64::NAN; screens])
+    let column = |task: &Task, place: usize| {
+        let mut values = task.strehl(place).to_vec();
+        values.resize(screens, f64::NAN);
+        values
     };
     let values: Vec<f64> =
         tasks.iter().flat_map(|task| [column(task, 0), column(task, 1)].concat()).collect();
     let shape = [screens, 2, args.lattices.len(), args.spacing.len()];
-    let mut header = Header::new()
-        .with("BUNIT", "", "unit of the values")
-        .with("ORIGIN", "host-sim", "SPLASH simulator")
+    let header = output::cards("")
         .with("NSUB", args.n as i64, "subapertures across the pupil")
         .with("BEACON", args.beacon, "[m] beacon height")
         .with("WAVELEN", args.wavelength, "[m] laser wavelength")
         .with("WIND", args.wind, "pitches per frame")
         .with("SEED", args.seed.to_string(), "seed of turbulence and noise");
-    for (index, turns) in args.lattices.iter().enumerate() {
-        header = header.with(&format!("LATTIC{}", index + 1), turns.name(), "axis 3");
-    }
+    let header = output::along(header, 3, "LATTIC", args.lattices.iter().map(|turns| turns.name()));
     let mut file = FitsWriter::create(path)?;
     file.image("STREHL", &shape, &header, &values)?;
     let unit = Header::new().with("BUNIT", "lambda/d", "unit of the values");
@@ -392,23 +397,20 @@ fn draw(path: &Path, args: &CrosstalkArgs, result: &CrosstalkResult) -> Result<(
     let column = |index: usize, of: fn(&PointResult) -> f64| -> Vec<f64> {
         result.points.iter().skip(index).step_by(args.lattices.len()).map(of).collect()
     };
-    let data: Vec<_> = args
+    let curves: Vec<_> = args
         .lattices
         .iter()
+        .zip(COLOURS.into_iter().cycle())
         .enumerate()
-        .map(|(index, turns)| {
+        .map(|(index, (turns, colour))| {
             let groups = result.points[index].groups;
             let name = match turns {
                 Turns::All => "all at once".to_string(),
                 Turns::Lattice(_) => format!("{groups} groups"),
             };
-            (name, column(index, |p| p.strehl), column(index, |p| p.strehl_se))
+            let (y, error) = (column(index, |p| p.strehl), column(index, |p| p.strehl_se));
+            Measured { name, colour, y, error }
         })
-        .collect();
-    let curves: Vec<_> = data
-        .iter()
-        .zip(COLOURS.iter().cycle())
-        .map(|((name, y, error), colour)| Measured { name, colour, y, error })
         .collect();
     let title = format!("N = D/r0 = {}, spots on one detector", args.n);
     let labels = ["distance of the spots (lambda / d)", "Strehl ratio"];

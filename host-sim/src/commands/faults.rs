@@ -6,7 +6,6 @@ use crate::error::Error;
 use crate::fault_campaign::{FaultCampaign, Line, Memory};
 use crate::reconstructor::Reconstructor;
 use serde::Serialize;
-use std::path::Path;
 use std::time::Instant;
 
 /// The JSON of `host-sim faults`.
@@ -49,7 +48,7 @@ pub fn run(args: &FaultsArgs) -> Result<(), Error> {
         mishaps: campaign.lines(),
         digest: campaign.digest(),
     };
-    write(&directory.join("faults.csv"), &result.mishaps)?;
+    output::records(&directory.join("faults.csv"), &result.mishaps)?;
     let head = "      count  followed      held    leaked     ended  closed again within";
     let mut table = vec![("mishap", head.to_string())];
     let names: Vec<String> =
@@ -69,13 +68,4 @@ pub fn run(args: &FaultsArgs) -> Result<(), Error> {
         ("files", directory.display().to_string()),
     ]);
     output::report(args.output.json, &result, &table)
-}
-
-fn write(path: &Path, lines: &[Line]) -> Result<(), Error> {
-    let failed = |error: csv::Error| Error::Run(format!("{}: {error}", path.display()));
-    let mut writer = csv::Writer::from_path(path).map_err(failed)?;
-    for line in lines {
-        writer.serialize(line).map_err(failed)?;
-    }
-    Ok(writer.flush()?)
 }

@@ -2,10 +2,11 @@
 
 mod results;
 
-use super::{output, progress};
+use super::strehl::{MOVING_FRAMES, SETTLE, STATIC_FRAMES, set_wind};
+use super::{increasing, output, progress};
 use crate::cli::GatesArgs;
 use crate::closed_loop::Sensing;
-use crate::error::{Error, refuse};
+use crate::error::Error;
 use crate::instrument::Instrument;
 use crate::monte_carlo::gates::{Contender, Contest, View};
 use crate::monte_carlo::point::{Conditions, Outcome, Point};
@@ -13,14 +14,6 @@ use crate::range_diversity::design::{Design, Purpose};
 use crate::range_diversity::law::Law;
 use rayon::prelude::*;
 use std::time::Instant;
-
-/// Frames that each loop gets to close: at a gain of 0.5, to 1e-12 of what it began with.
-const SETTLE: u32 = 40;
-/// Frames averaged under frozen screens, and under moving ones.
-const STATIC_FRAMES: u32 = 10;
-const MOVING_FRAMES: u32 = 100;
-/// Fastest wind, pitches per frame.
-const MAX_WIND: f64 = 10.0;
 
 /// What was run.
 struct Measured {
@@ -61,14 +54,13 @@ pub fn run(args: &GatesArgs) -> Result<(), Error> {
     let conditions = Conditions {
         sensing: Sensing::Geometric,
         noise_free: true,
+        // By gradients and at a gain of 0.5, to 1e-12 of what it began with.
         settle: SETTLE,
         frames: args.frames.unwrap_or(if moving { MOVING_FRAMES } else { STATIC_FRAMES }),
         seed: args.seed,
     };
     let directory = output::directory(args.output.out.as_deref(), "gates")?;
-    let mut across = args.n.clone();
-    across.sort_unstable();
-    across.dedup();
+    let across = increasing(&args.n, Ord::cmp);
     let points: Vec<Point> = across
         .into_iter()
         .map(|n| Point::new(&description, n, conditions))
@@ -79,7 +71,7 @@ pub fn run(args: &GatesArgs) -> Result<(), Error> {
         let outcomes = measure(&point, &contenders, &terms)?;
         all.push(Measured { point, contenders, expected, outcomes });
     }
-    let result = results::gather(&all, &terms);
+    let result = results::gather(&all, &terms)?;
     let files = results::write(&directory, &all, &result, &terms)?;
     let mut table = results::table(&result);
     table.push(("time", format!("{:.1} s", start.elapsed().as_secs_f64())));
@@ -90,14 +82,7 @@ pub fn run(args: &GatesArgs) -> Result<(), Error> {
 /// The instrument with what the arguments change.
 fn description(args: &GatesArgs) -> Result<Instrument, Error> {
     let mut description = args.description.load()?;
-    let wind = args.wind.unwrap_or(0.0);
-    if !(0.0..=MAX_WIND).contains(&wind) {
-        return Err(refuse("--wind", wind, &format!("from 0 to {MAX_WIND} pitches per frame")));
-    }
-    let pitch_m_per_s = description.telescope.pitch_m / description.frame_s();
-    for layer in &mut description.atmosphere.layers {
-        layer.wind_speed_m_per_s = wind * pitch_m_per_s;
-    }
+    set_wind(&mut description, args.wind.unwrap_or(0.0))?;
     if let Some(noise_rad) = args.slope_noise {
         description.second_gate.slope_noise_rad = noise_rad;
     }
@@ -119,11 +104,7 @@ fn contenders(
     let seen = |rad2: f64| Some(rad2 * ratio * ratio);
     let named = |name: &str, view, law| Contender { name: name.into(), view, law };
     let mut all = Vec::new();
-    let mut numbers = modes.to_vec();
-    numbers.push(0);
-    numbers.sort_unstable();
-    numbers.dedup();
-    for count in numbers {
+    for count in increasing(&[modes, &[0]].concat(), Ord::cmp) {
         let bar = progress::share(format!("{count} modes"));
         let moved = |done: f64| bar.set_position((1000.0 * done) as u64);
         let design = Design::new(point.pupil(), &purpose, count, &moved)?;

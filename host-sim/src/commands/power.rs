@@ -22,8 +22,8 @@
 mod results;
 
 use super::campaign::Campaign;
-use super::output;
 use super::strehl::SETTLE;
+use super::{increasing, once, output};
 use crate::cli::{BeaconName, PowerArgs};
 use crate::closed_loop::Sensing;
 use crate::error::{Error, refuse};
@@ -53,12 +53,11 @@ struct Study {
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &PowerArgs) -> Result<(), Error> {
     let start = Instant::now();
-    let mut powers_w = args.powers.clone();
-    powers_w.sort_unstable_by(f64::total_cmp);
-    powers_w.dedup();
+    let powers_w = increasing(&args.powers, f64::total_cmp);
+    let description = args.description.load()?.of_one_gate()?;
     let (mut studies, mut points) = (Vec::new(), Vec::new());
-    for &beacon in &args.beacons {
-        let (study, its_points) = study(args, beacon, &powers_w)?;
+    for beacon in once(args.beacons.iter().copied()) {
+        let (study, its_points) = study(args, &description, beacon, &powers_w)?;
         studies.push(study);
         points.extend(its_points.into_iter().map(|point| (point, args.screens)));
     }
@@ -76,18 +75,17 @@ pub fn run(args: &PowerArgs) -> Result<(), Error> {
     );
     table.push(("screens", screens));
     table.push(("estimate", estimate));
-    table.push(("time", format!("{:.1} s", start.elapsed().as_secs_f64())));
-    table.push(("pictures and files", directory.display().to_string()));
-    output::report(args.output.json, &result, &table)
+    output::finish(&args.output, start, &directory, &result, table)
 }
 
 /// The points of one beacon: without noise, then by power.
 fn study(
     args: &PowerArgs,
+    description: &Instrument,
     beacon: BeaconName,
     powers_w: &[f64],
 ) -> Result<(Study, Vec<Point>), Error> {
-    let instrument = instrument(args, beacon)?;
+    let instrument = instrument(args, description, beacon)?;
     let point = |instrument: &Instrument, noise_free: bool| {
         let conditions = Conditions {
             sensing: Sensing::Images,
@@ -113,8 +111,12 @@ fn study(
 }
 
 /// The instrument with that beacon and frozen screens.
-fn instrument(args: &PowerArgs, beacon: BeaconName) -> Result<Instrument, Error> {
-    let mut instrument = args.description.load()?.of_one_gate()?;
+fn instrument(
+    args: &PowerArgs,
+    description: &Instrument,
+    beacon: BeaconName,
+) -> Result<Instrument, Error> {
+    let mut instrument = description.clone();
     let Instrument { telescope, atmosphere, laser, photons, detector, .. } = &mut instrument;
     telescope.subapertures = args.n.unwrap_or(telescope.subapertures);
     atmosphere.layers.iter_mut().for_each(|layer| layer.wind_speed_m_per_s = 0.0);

@@ -7,7 +7,7 @@ use super::campaign::Campaign;
 use super::strehl::results::{self, StrehlResult};
 use super::strehl::{SETTLE, STATIC_FRAMES};
 use super::theory::{self, TheoryResult};
-use super::{output, progress};
+use super::{increasing, output, progress};
 use crate::cli::ReproduceArgs;
 use crate::closed_loop::Sensing;
 use crate::error::Error;
@@ -95,9 +95,7 @@ fn points(args: &ReproduceArgs) -> Result<Vec<(Point, u32)>, Error> {
             (true, _) => FULL_BEYOND,
         })
     };
-    let mut across = args.n.clone();
-    across.sort_unstable();
-    across.dedup();
+    let across = increasing(&args.n, Ord::cmp);
     let point = |n| Ok((Point::new(&description, n, conditions)?, screens(n)));
     across.into_iter().map(point).collect()
 }

@@ -29,7 +29,5 @@ pub fn run(args: &ScaleArgs) -> Result<(), Error> {
     let mut table = results::table(&result);
     table.push(("screens", format!("{}, frozen, seed {}", campaign.screens(), args.seed)));
     table.push(("estimate", estimate));
-    table.push(("time", format!("{:.1} s", start.elapsed().as_secs_f64())));
-    table.push(("pictures and files", directory.display().to_string()));
-    output::report(args.output.json, &result, &table)
+    output::finish(&args.output, start, &directory, &result, table)
 }

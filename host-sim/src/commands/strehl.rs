@@ -9,6 +9,7 @@ use crate::cli::{StrehlArgs, WindowsName};
 use crate::closed_loop::Sensing;
 use crate::error::{Error, refuse};
 use crate::files::lock::Lock;
+use crate::instrument::Instrument;
 use crate::monte_carlo::point::Conditions;
 use crate::monte_carlo::settings::Settings;
 use serde::Serialize;
@@ -19,7 +20,7 @@ use std::time::Instant;
 pub(in crate::commands) const SETTLE: u32 = 40;
 /// Frames averaged under frozen screens, and under moving ones.
 pub(super) const STATIC_FRAMES: u32 = 10;
-const MOVING_FRAMES: u32 = 100;
+pub(super) const MOVING_FRAMES: u32 = 100;
 /// Fastest wind, pitches per frame.
 const MAX_WIND: f64 = 10.0;
 
@@ -65,27 +66,19 @@ pub fn run(args: &StrehlArgs) -> Result<(), Error> {
     let screens = format!("{} for each N, {}", args.screens, campaign.conditions());
     table.push(("screens", screens));
     table.push(("estimate", estimate));
-    table.push(("time", format!("{:.1} s", start.elapsed().as_secs_f64())));
-    table.push(("pictures and files", directory.display().to_string()));
-    output::report(args.output.json, &result, &table)
+    output::finish(&args.output, start, &directory, &result, table)
 }
 
 /// What the arguments ask for.
 fn settings(args: &StrehlArgs) -> Result<Settings, Error> {
     let mut description = args.description.load()?.of_one_gate()?;
     let moving = args.wind.is_some();
-    let pitch_m_per_s = description.telescope.pitch_m / description.frame_s();
     let speed = match args.wind {
         None => Some(0.0),
         Some(given) => given,
     };
     if let Some(wind) = speed {
-        if !(0.0..=MAX_WIND).contains(&wind) {
-            return Err(refuse("--wind", wind, &format!("from 0 to {MAX_WIND} pitches per frame")));
-        }
-        for layer in &mut description.atmosphere.layers {
-            layer.wind_speed_m_per_s = wind * pitch_m_per_s;
-        }
+        set_wind(&mut description, wind)?;
     }
     description.control.gain = args.gain.unwrap_or(description.control.gain);
     description.control.delay_frames = args.delay.unwrap_or(description.control.delay_frames);
@@ -105,4 +98,16 @@ fn settings(args: &StrehlArgs) -> Result<Settings, Error> {
     };
     let StrehlArgs { n, screens, sensors, budget, .. } = args;
     Ok(Settings::new(description, n.clone(), *screens, sensors, *budget, conditions))
+}
+
+/// Gives all layers a wind, pitches per frame.
+pub(super) fn set_wind(description: &mut Instrument, wind: f64) -> Result<(), Error> {
+    if !(0.0..=MAX_WIND).contains(&wind) {
+        return Err(refuse("--wind", wind, &format!("from 0 to {MAX_WIND} pitches per frame")));
+    }
+    let wind_speed_m_per_s = wind * (description.telescope.pitch_m / description.frame_s());
+    for layer in &mut description.atmosphere.layers {
+        layer.wind_speed_m_per_s = wind_speed_m_per_s;
+    }
+    Ok(())
 }

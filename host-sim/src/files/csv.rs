@@ -52,11 +52,11 @@ impl SeriesWriter {
     ///
     /// # Errors
     /// [`CsvError::Csv`] if the file cannot be written.
-    pub fn create(path: impl AsRef<Path>, columns: &[&str]) -> Result<Self, CsvError> {
+    pub fn create<C: AsRef<str>>(path: impl AsRef<Path>, columns: &[C]) -> Result<Self, CsvError> {
         let path = path.as_ref().to_path_buf();
         let create = || {
             let mut writer = csv::Writer::from_path(&path)?;
-            writer.write_record(columns)?;
+            writer.write_record(columns.iter().map(AsRef::as_ref))?;
             Ok(writer)
         };
         match create() {

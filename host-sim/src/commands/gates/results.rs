@@ -1,6 +1,7 @@
 //! The results of `host-sim gates` as a table, JSON, CSV, FITS and figures.
 
 use super::{Measured, Terms};
+use crate::commands::output;
 use crate::commands::strehl::budget::with_error;
 use crate::error::Error;
 use crate::figures::{Measured as Curve, error_bars};
@@ -48,9 +49,29 @@ struct PointResult {
     minus_splash_f_se: f64,
 }
 
-/// The contender's position; all are there by construction.
-fn position(measured: &Measured, name: &str) -> usize {
-    measured.contenders.iter().position(|c| c.name == name).unwrap_or(0)
+/// Variances of those with whom all others are compared.
+struct Standards {
+    fit: Vec<f64>,
+    splash: Vec<f64>,
+    splash_f: Vec<f64>,
+}
+
+impl Standards {
+    /// # Errors
+    /// [`Error::Run`] if one is not among the contenders.
+    fn of(measured: &Measured) -> Result<Self, Error> {
+        let variances = |name: &str| {
+            let place = measured.contenders.iter().position(|c| c.name == name);
+            let place =
+                place.ok_or_else(|| Error::Run(format!("no contender is called {name}")))?;
+            Ok::<_, Error>(column(measured, place, |o| o.variance_rad2))
+        };
+        Ok(Self {
+            fit: variances("fit")?,
+            splash: variances("splash")?,
+            splash_f: variances("splash_f")?,
+        })
+    }
 }
 
 fn column(measured: &Measured, contender: usize, of: fn(&Outcome) -> f64) -> Vec<f64> {
@@ -66,25 +87,33 @@ fn ratio(a: &[f64], b: &[f64]) -> Mean {
 }
 
 /// Means and ratios.
-pub(super) fn gather(all: &[Measured], terms: &Terms) -> GatesResult {
-    let points = all.iter().flat_map(|m| (0..m.contenders.len()).map(|c| point(m, c, terms)));
-    GatesResult {
-        gate_height_m: terms.gate_height_m,
-        slope_noise_rad: terms.noise_rad,
-        points: points.collect(),
+///
+/// # Errors
+/// As [`Standards::of`].
+pub(super) fn gather(all: &[Measured], terms: &Terms) -> Result<GatesResult, Error> {
+    let mut points = Vec::new();
+    for measured in all {
+        let standards = Standards::of(measured)?;
+        let contenders = 0..measured.contenders.len();
+        points.extend(contenders.map(|contender| point(measured, contender, &standards, terms)));
     }
+    let Terms { gate_height_m, noise_rad, .. } = *terms;
+    Ok(GatesResult { gate_height_m, slope_noise_rad: noise_rad, points })
 }
 
-fn point(measured: &Measured, contender: usize, terms: &Terms) -> PointResult {
-    let variances = |name: &str| column(measured, position(measured, name), |o| o.variance_rad2);
+fn point(
+    measured: &Measured,
+    contender: usize,
+    Standards { fit, splash, splash_f }: &Standards,
+    terms: &Terms,
+) -> PointResult {
     let own = column(measured, contender, |o| o.variance_rad2);
-    let (fit, null) = (variances("fit"), variances("splash"));
-    let less = |a: &[f64]| -> Vec<f64> { a.iter().zip(&fit).map(|(a, fit)| a - fit).collect() };
+    let less = |a: &[f64]| -> Vec<f64> { a.iter().zip(fit).map(|(a, fit)| a - fit).collect() };
     let strehl = Mean::of(&column(measured, contender, |o| o.strehl));
     let variance = Mean::of(&own);
     let beyond = Mean::of(&less(&own));
-    let (whole, part) = (ratio(&own, &null), ratio(&less(&own), &less(&null)));
-    let against = Mean::of_differences(&own, &variances("splash_f"));
+    let (whole, part) = (ratio(&own, splash), ratio(&less(&own), &less(splash)));
+    let against = Mean::of_differences(&own, splash_f);
     let contestant = &measured.contenders[contender];
     PointResult {
         n: measured.point.n(),
@@ -144,7 +173,6 @@ fn write_means(path: &Path, result: &GatesResult, names: &[&str]) -> Result<(), 
     };
     let head = ["n", "diameter_in_r0", "screens"].map(String::from);
     let columns: Vec<String> = head.into_iter().chain(names.iter().flat_map(each)).collect();
-    let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
     let mut file = SeriesWriter::create(path, &columns)?;
     for row in result.points.chunks(names.len()) {
         let mut line = vec![row[0].n as f64, row[0].diameter_in_r0, f64::from(row[0].screens)];
@@ -163,7 +191,6 @@ fn write_screens(path: &Path, all: &[Measured], names: &[&str]) -> Result<(), Er
     let each = |name: &&str| ["strehl", "variance_rad2"].map(|what| format!("{name}_{what}"));
     let head = ["n", "screen"].map(String::from);
     let columns: Vec<String> = head.into_iter().chain(names.iter().flat_map(each)).collect();
-    let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
     let mut file = SeriesWriter::create(path, &columns)?;
     for measured in all {
         for (screen, outcomes) in measured.outcomes.iter().enumerate() {
@@ -178,16 +205,11 @@ fn write_screens(path: &Path, all: &[Measured], names: &[&str]) -> Result<(), Er
 /// STREHL and VARIANCE (screen, law, N); N, the sizes of the third axis.
 fn write_fits(path: &Path, all: &[Measured], names: &[&str], terms: &Terms) -> Result<(), Error> {
     let header = |unit: &str| {
-        let mut header = Header::new()
-            .with("BUNIT", unit, "unit of the values")
-            .with("ORIGIN", "host-sim", "SPLASH simulator")
+        let header = output::cards(unit)
             .with("SEED", terms.seed.to_string(), "seed of turbulence and noise")
             .with("GATE", terms.gate_height_m, "[m] height of the second gate")
             .with("NOISE", terms.noise_rad, "[rad] rms of a slope, edge to edge");
-        for (index, name) in names.iter().enumerate() {
-            header = header.with(&format!("LAW{}", index + 1), *name, "axis 2");
-        }
-        header
+        output::along(header, 2, "LAW", names.iter().copied())
     };
     let cube = |of: fn(&Outcome) -> f64| -> Vec<f64> {
         all.iter().flat_map(|m| (0..names.len()).flat_map(move |c| column(m, c, of))).collect()
@@ -218,13 +240,12 @@ fn draw(
         let column = |law: &str, of: fn(&PointResult) -> f64| -> Vec<f64> {
             result.points.iter().filter(|point| point.law == law).map(of).collect()
         };
-        let shown = names.iter().filter(|name| shown(name));
-        let data: Vec<_> =
-            shown.map(|&law| (style(law), column(law, value[0]), column(law, value[1]))).collect();
-        let curves: Vec<_> = data
-            .iter()
-            .map(|((name, colour), y, error)| Curve { name, colour, y, error })
-            .collect();
+        let curve = |law: &&str| {
+            let (name, colour) = style(law);
+            let [y, error] = value.map(|of| column(law, of));
+            Curve { name: name.into(), colour, y, error }
+        };
+        let curves: Vec<_> = names.iter().filter(|name| shown(name)).map(curve).collect();
         error_bars(directory.join(name), ["D / r0", label], &title, &x, &curves)
     };
     figure(strehl, "Strehl ratio", [|p| p.strehl, |p| p.strehl_se], &|_| true)?;

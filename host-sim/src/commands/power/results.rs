@@ -2,6 +2,7 @@
 
 use super::Study;
 use crate::commands::campaign::{Campaign, Task};
+use crate::commands::output;
 use crate::error::Error;
 use crate::figures::{Measured, error_bars};
 use crate::files::csv::SeriesWriter;
@@ -127,7 +128,6 @@ fn write_csv(path: &Path, result: &PowerResult) -> Result<(), Error> {
     };
     let columns: Vec<String> =
         ["power_w".to_string()].into_iter().chain(result.beacons.iter().flat_map(of)).collect();
-    let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
     let mut file = SeriesWriter::create(path, &columns)?;
     for (index, power_w) in powers_w(result).into_iter().enumerate() {
         let mut line = vec![power_w];
@@ -150,13 +150,12 @@ fn write_fits(
     let strehl = |task: &Task| task.values(Comparator::Splash, |outcome| outcome.strehl);
     let values: Vec<f64> = campaign.tasks.iter().flat_map(strehl).collect();
     let powers_w = powers_w(result);
-    let mut header = Header::new()
+    let header = Header::new()
         .with("ORIGIN", "host-sim", "SPLASH simulator")
         .with("NSUB", result.n as i64, "subapertures across the pupil")
         .with("SEED", seed.to_string(), "seed of turbulence and noise");
-    for (index, beacon) in result.beacons.iter().enumerate() {
-        header = header.with(&format!("BEACON{}", index + 1), beacon.beacon, "axis 3");
-    }
+    let names = result.beacons.iter().map(|beacon| beacon.beacon);
+    let header = output::along(header, 3, "BEACON", names);
     let shape = [result.screens as usize, powers_w.len() + 1, result.beacons.len()];
     let points = result.beacons.iter().flat_map(|beacon| &beacon.points);
     let electrons: Vec<f64> = points.map(|point| point.electrons_per_spot).collect();
@@ -169,25 +168,17 @@ fn write_fits(
     Ok(file.finish()?)
 }
 
-/// Strehl ratio against the logarithm of the power; dashes would be the same: a line at 90 % for each beacon.
+/// Strehl ratio against the logarithm of the power, with a line at 90 % of that without noise for each beacon.
 fn draw(path: &Path, result: &PowerResult) -> Result<(), Error> {
     let x: Vec<f64> = powers_w(result).iter().map(|power| power.log10()).collect();
-    let none = vec![f64::NAN; x.len()];
-    let mut data = Vec::new();
+    let mut curves = Vec::new();
     for (beacon, colour) in result.beacons.iter().zip(COLOURS.into_iter().cycle()) {
         let y: Vec<f64> = beacon.points.iter().map(|point| point.strehl).collect();
         let error: Vec<f64> = beacon.points.iter().map(|point| point.strehl_se).collect();
-        data.push((beacon.beacon.to_string(), colour, y, error));
-        let enough = vec![SHARE * beacon.strehl; x.len()];
-        data.push((
-            format!("90 % without noise, {}", beacon.beacon),
-            "#999999",
-            enough,
-            none.clone(),
-        ));
+        curves.push(Measured { name: beacon.beacon.into(), colour, y, error });
+        let name = format!("90 % without noise, {}", beacon.beacon);
+        curves.push(Measured::level(name, SHARE * beacon.strehl, x.len()));
     }
-    let curves: Vec<_> =
-        data.iter().map(|(name, colour, y, error)| Measured { name, colour, y, error }).collect();
     let title = format!("SPLASH, N = {}, {} screens", result.n, result.screens);
     Ok(error_bars(path, ["log10 of the laser's power (W)", "Strehl ratio"], &title, &x, &curves)?)
 }

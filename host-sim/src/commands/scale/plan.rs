@@ -9,6 +9,7 @@
 use crate::cli::ScaleArgs;
 use crate::closed_loop::Sensing;
 use crate::commands::strehl::SETTLE;
+use crate::commands::{increasing, once};
 use crate::error::{Error, refuse};
 use crate::instrument::{EstimatorName, Instrument, LeverArm};
 use crate::monte_carlo::budget::{Case, Step};
@@ -20,6 +21,8 @@ use splash_firmware::centroid::MAX_WINDOW;
 /// Screens for N up to the first number, gradients and images.
 const SCREENS: [(usize, u32); 3] = [(32, 200), (64, 100), (usize::MAX, 48)];
 const IMAGE_SCREENS: [(usize, u32); 3] = [(8, 100), (16, 50), (usize::MAX, 16)];
+/// N with images, of those that are asked for.
+const IMAGES: [usize; 3] = [8, 16, 32];
 /// The integrator of Butterley et al. 2006.
 const PLAIN: LeverArm = LeverArm::Factor(1.0);
 
@@ -53,16 +56,11 @@ impl Plan {
         for layer in &mut description.atmosphere.layers {
             layer.wind_speed_m_per_s = 0.0;
         }
-        let mut laws = vec![PLAIN];
-        for &law in &args.lever_arm {
-            if !laws.contains(&law) {
-                laws.push(law);
-            }
-        }
-        let mut across = args.n.clone();
-        across.sort_unstable();
-        across.dedup();
-        if let Some(n) = args.images.iter().find(|n| !across.contains(n)) {
+        let laws = once([PLAIN].into_iter().chain(args.lever_arm.iter().copied()));
+        let across = increasing(&args.n, Ord::cmp);
+        let with_images = args.images.as_deref().unwrap_or(&IMAGES);
+        let stray = with_images.iter().find(|n| !across.contains(n));
+        if let Some(n) = stray.filter(|_| args.images.is_some()) {
             return Err(refuse("--images", n, "one of --n"));
         }
         let mut plan = Self { points: Vec::new(), curves: Vec::new() };
@@ -70,7 +68,7 @@ impl Plan {
             let screens = args.screens.unwrap_or_else(|| for_size(&SCREENS, n));
             let maker = Maker { description: &description, n, seed: args.seed };
             plan.gradients(maker, &laws, screens)?;
-            if args.images.contains(&n) {
+            if with_images.contains(&n) {
                 let images = args.image_screens.unwrap_or_else(|| for_size(&IMAGE_SCREENS, n));
                 plan.images(maker, &laws, images.min(screens))?;
                 plan.centroids(maker, images.min(screens))?;

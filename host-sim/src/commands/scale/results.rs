@@ -2,8 +2,9 @@
 
 use super::plan::Curve;
 use crate::commands::campaign::Campaign;
+use crate::commands::{once, output};
 use crate::error::Error;
-use crate::figures::{Measured, error_bars, error_bars_up_to};
+use crate::figures::{Measured, error_bars_up_to};
 use crate::files::csv::SeriesWriter;
 use crate::files::fits::{FitsWriter, Header};
 use crate::monte_carlo::point::Outcome;
@@ -98,13 +99,7 @@ impl ScaleResult {
 
     /// Names of curves in the order in which they come.
     fn names(&self) -> Vec<&str> {
-        let mut names: Vec<&str> = Vec::new();
-        for point in &self.points {
-            if !names.contains(&point.curve.as_str()) {
-                names.push(&point.curve);
-            }
-        }
-        names
+        once(self.points.iter().map(|point| point.curve.as_str()))
     }
 
     fn at(&self, n: usize, name: &str) -> Option<&PointResult> {
@@ -133,7 +128,6 @@ fn write_csv(path: &Path, result: &ScaleResult) -> Result<(), Error> {
     let of = |name: &&str| ends.map(|end| format!("{name}_{end}"));
     let columns: Vec<String> =
         std::iter::once("n".to_string()).chain(names.iter().flat_map(of)).collect();
-    let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
     let mut file = SeriesWriter::create(path, &columns)?;
     for n in result.sizes() {
         let mut line = vec![n as f64];
@@ -157,17 +151,11 @@ fn write_csv(path: &Path, result: &ScaleResult) -> Result<(), Error> {
 
 /// The same for differences.
 fn write_differences(path: &Path, result: &ScaleResult) -> Result<(), Error> {
-    let mut pairs: Vec<(&str, &str)> = Vec::new();
-    for PairResult { a, b, .. } in &result.paired {
-        if !pairs.contains(&(a, b)) {
-            pairs.push((a, b));
-        }
-    }
+    let pairs = once(result.paired.iter().map(|p| (p.a.as_str(), p.b.as_str())));
     let ends = ["screens", "strehl", "strehl_se", "variance_rad2", "variance_se"];
     let of = |(a, b): &(&str, &str)| ends.map(|end| format!("{a}_minus_{b}_{end}"));
     let columns: Vec<String> =
         std::iter::once("n".to_string()).chain(pairs.iter().flat_map(of)).collect();
-    let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
     let mut file = SeriesWriter::create(path, &columns)?;
     for n in result.sizes() {
         let mut line = vec![n as f64];
@@ -195,14 +183,8 @@ fn write_fits(
     let (names, sizes) = (result.names(), result.sizes());
     let most = campaign.tasks.iter().map(|task| task.screens as usize).max().unwrap_or(0);
     let header = |unit: &str| {
-        let mut header = Header::new()
-            .with("BUNIT", unit, "unit of the values")
-            .with("ORIGIN", "host-sim", "SPLASH simulator")
-            .with("SEED", seed.to_string(), "seed of turbulence");
-        for (index, name) in names.iter().enumerate() {
-            header = header.with(&format!("CURVE{}", index + 1), *name, "axis 2");
-        }
-        header
+        let header = output::cards(unit).with("SEED", seed.to_string(), "seed of turbulence");
+        output::along(header, 2, "CURVE", names.iter().copied())
     };
     let cube = |of: fn(&Outcome) -> f64| -> Vec<f64> {
         let mut cube = Vec::new();
@@ -271,20 +253,14 @@ fn draw(
         ),
         ("variance.svg", "residual variance (rad²)", 6.0, |p| p.variance_rad2, |p| p.variance_se),
     ] {
-        let data: Vec<_> = drawn
-            .iter()
-            .map(|&(name, style)| (style, column(name, of), column(name, error)))
-            .collect();
-        let measured: Vec<_> = data
-            .iter()
-            .map(|((name, colour), y, error)| Measured { name, colour, y, error })
-            .collect();
-        let (path, labels) = (directory.join(file), ["D / r0", label]);
-        if top == 1.0 {
-            error_bars(path, labels, &title, &x, &measured)?;
-        } else {
-            error_bars_up_to(path, labels, &title, &x, &measured, top)?;
-        }
+        let curve = |&(curve, (name, colour)): &(&str, (&str, &'static str))| Measured {
+            name: name.into(),
+            colour,
+            y: column(curve, of),
+            error: column(curve, error),
+        };
+        let curves: Vec<_> = drawn.iter().map(curve).collect();
+        error_bars_up_to(directory.join(file), ["D / r0", label], &title, &x, &curves, top)?;
     }
     Ok(())
 }

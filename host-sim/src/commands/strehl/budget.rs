@@ -1,6 +1,7 @@
 //! The error budget as a table, JSON, CSV, FITS and a figure.
 
 use crate::commands::campaign::{Campaign, Task};
+use crate::commands::output;
 use crate::error::Error;
 use crate::figures::{Stack, StackPanel, Term, stacks};
 use crate::files::csv::SeriesWriter;
@@ -108,7 +109,6 @@ fn write_csv(path: &Path, budgets: &[BudgetResult]) -> Result<(), Error> {
             .extend(names.flat_map(|term| ["rad2", "se"].map(|w| format!("{sensor}_{term}_{w}"))));
         columns.extend(["sum_rad2", "run_rad2", "run_se"].map(|what| format!("{sensor}_{what}")));
     }
-    let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
     let mut file = SeriesWriter::create(path, &columns)?;
     for row in budgets.chunks(sensors.len()) {
         let mut line = vec![row[0].n as f64, f64::from(row[0].screens)];
@@ -125,16 +125,10 @@ fn write_csv(path: &Path, budgets: &[BudgetResult]) -> Result<(), Error> {
 /// axis.
 fn write_fits(path: &Path, budgets: &[BudgetResult], seed: u64) -> Result<(), Error> {
     let sensors = sensors(budgets);
-    let mut header = Header::new()
-        .with("BUNIT", "rad2", "unit of the values")
-        .with("ORIGIN", "host-sim", "SPLASH simulator")
-        .with("SEED", seed.to_string(), "seed of turbulence and noise");
-    for (index, step) in Step::ALL.iter().enumerate() {
-        header = header.with(&format!("TERM{}", index + 1), step.name(), "axis 1");
-    }
-    for (index, sensor) in sensors.iter().enumerate() {
-        header = header.with(&format!("SENSOR{}", index + 1), *sensor, "axis 2");
-    }
+    let header =
+        output::cards("rad2").with("SEED", seed.to_string(), "seed of turbulence and noise");
+    let header = output::along(header, 1, "TERM", Step::ALL.map(Step::name));
+    let header = output::along(header, 2, "SENSOR", sensors.iter().copied());
     let cube = |of: fn(&TermResult) -> f64| -> Vec<f64> {
         let all = budgets.iter().flat_map(|budget| Step::ALL.map(|step| budget.term(step)));
         all.map(|term| term.map_or(f64::NAN, of)).collect()

@@ -2,6 +2,7 @@
 
 use super::budget::{self, BudgetResult};
 use crate::commands::campaign::{Campaign, Progress};
+use crate::commands::output;
 use crate::error::Error;
 use crate::figures::{Measured, error_bars};
 use crate::files::csv::SeriesWriter;
@@ -100,10 +101,8 @@ fn write_csv(
     let head = |first: &[&str], rest: Vec<String>| -> Vec<String> {
         first.iter().map(|name| (*name).to_string()).chain(rest).collect()
     };
-    let create = |name: &str, columns: &[String]| {
-        let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
-        SeriesWriter::create(directory.join(name), &columns)
-    };
+    let create =
+        |name: &str, columns: &[String]| SeriesWriter::create(directory.join(name), columns);
     let three =
         |c: &Comparator| ["", "_se", "_variance_rad2"].map(|end| c.name().to_string() + end);
     let columns = head(&["n", "screens"], comparators.iter().flat_map(three).collect());
@@ -152,14 +151,9 @@ fn write_fits(path: &Path, campaign: &Campaign, seed: u64) -> Result<(), Error> 
     let Campaign { tasks, comparators, .. } = campaign;
     let most = tasks.iter().map(|task| task.screens as usize).max().unwrap_or(0);
     let header = |unit: &str| {
-        let mut header = Header::new()
-            .with("BUNIT", unit, "unit of the values")
-            .with("ORIGIN", "host-sim", "SPLASH simulator")
-            .with("SEED", seed.to_string(), "seed of turbulence and noise");
-        for (index, comparator) in comparators.iter().enumerate() {
-            header = header.with(&format!("SENSOR{}", index + 1), comparator.name(), "axis 2");
-        }
-        header
+        let header =
+            output::cards(unit).with("SEED", seed.to_string(), "seed of turbulence and noise");
+        output::along(header, 2, "SENSOR", comparators.iter().map(|c| c.name()))
     };
     let cube = |of: fn(&Outcome) -> f64| -> Vec<f64> {
         let all = tasks.iter().flat_map(|task| comparators.iter().map(move |c| (task, *c)));
@@ -189,17 +183,12 @@ fn draw(path: &Path, campaign: &Campaign, result: &StrehlResult) -> Result<(), E
     let column = |name: &str, of: fn(&PointResult) -> f64| -> Vec<f64> {
         result.points.iter().filter(|point| point.sensor == name).map(of).collect()
     };
-    let data: Vec<_> = comparators
-        .iter()
-        .map(|c| (c, column(c.name(), |p| p.strehl), column(c.name(), |p| p.strehl_se)))
-        .collect();
-    let curves: Vec<_> = data
-        .iter()
-        .map(|(comparator, y, error)| {
-            let (name, colour) = style(**comparator);
-            Measured { name, colour, y, error }
-        })
-        .collect();
+    let curve = |comparator: &Comparator| {
+        let (name, colour) = style(*comparator);
+        let of = |value| column(comparator.name(), value);
+        Measured { name: name.into(), colour, y: of(|p| p.strehl), error: of(|p| p.strehl_se) }
+    };
+    let curves: Vec<_> = comparators.iter().map(curve).collect();
     Ok(error_bars(path, ["D / r0", "Strehl ratio"], &title, &x, &curves)?)
 }
 

@@ -1,10 +1,11 @@
 //! The results of `host-sim theory` as a table, CSV, FITS and figures.
 
 use super::{Array, ArrayResult, FILES, TheoryResult};
+use crate::commands::output;
 use crate::error::Error;
 use crate::figures::{Curve, Panel, panels};
 use crate::files::csv::SeriesWriter;
-use crate::files::fits::{FitsWriter, Header};
+use crate::files::fits::FitsWriter;
 use crate::theory::{Fractions, Reconstruction, Residuals};
 use clap::ValueEnum;
 use std::path::Path;
@@ -89,18 +90,14 @@ pub(super) fn write_fits(
     let mut file = FitsWriter::create(path)?;
     for array in &result.arrays {
         let columns = columns(&array.residuals);
-        let mut header = Header::new()
-            .with("BUNIT", "fraction of the variance", "unit of the values")
-            .with("ORIGIN", "host-sim", "SPLASH simulator")
+        let header = output::cards("fraction of the variance")
             .with("NSUB", array.n as i64, "subapertures across the pupil")
             .with("BETA", array.mean_beta(), "1 - height / beacon height, mean of layers")
             .with("RECONSTR", reconstructor.as_str(), "reconstructor of SPLASH")
             .with("CRPIX1", 1.0, "axis 1: radial order")
             .with("CRVAL1", 2.0, "first radial order")
             .with("CDELT1", 1.0, "");
-        for (index, name) in COLUMNS.iter().enumerate() {
-            header = header.with(&format!("ROW{}", index + 1), *name, "axis 2");
-        }
+        let header = output::along(header, 2, "ROW", COLUMNS);
         let shape = [array.residuals.orders.len(), columns.len()];
         file.image(&format!("N{}", array.n), &shape, &header, &columns.concat())?;
     }
