@@ -106,13 +106,12 @@ fn point(
     if !(0.1..=4.0).contains(&pitch_r0) {
         return Err(refuse("--pitches", pitch_r0, "from 0.1 to 4 r0"));
     }
-    let mut instrument = description.clone();
+    let mut instrument = description.clone().frozen();
     let r0_m = instrument.r0_m();
-    let Instrument { telescope, atmosphere, laser, .. } = &mut instrument;
+    let Instrument { telescope, laser, .. } = &mut instrument;
     telescope.subapertures = args.n.unwrap_or(telescope.subapertures);
     telescope.pitch_m = pitch_r0 * r0_m;
     telescope.samples = telescope.samples.max((SAMPLES_PER_R0 * pitch_r0).ceil() as usize);
-    atmosphere.layers.iter_mut().for_each(|layer| layer.wind_speed_m_per_s = 0.0);
     laser.launch = LaunchName::Uniform;
     if let Some(waist_pitches) = waist {
         laser.launch = LaunchName::Gaussian;

@@ -116,10 +116,9 @@ fn instrument(
     description: &Instrument,
     beacon: BeaconName,
 ) -> Result<Instrument, Error> {
-    let mut instrument = description.clone();
+    let mut instrument = description.clone().frozen();
     let Instrument { telescope, atmosphere, laser, photons, detector, .. } = &mut instrument;
     telescope.subapertures = args.n.unwrap_or(telescope.subapertures);
-    atmosphere.layers.iter_mut().for_each(|layer| layer.wind_speed_m_per_s = 0.0);
     photons.number = PhotonNumberName::Lidar;
     // An electron a code: at any power the noise is that of photons and readout, not of rounding.
     detector.gain_e_per_adu = detector.gain_e_per_adu.min(1.0);

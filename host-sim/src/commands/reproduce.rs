@@ -76,11 +76,8 @@ pub fn run(args: &ReproduceArgs) -> Result<(), Error> {
 
 /// The sizes of pupil by increasing N, each once, under skies that stand still and with images that have no noise.
 fn points(args: &ReproduceArgs) -> Result<Vec<(Point, u32)>, Error> {
-    let mut description =
-        Instrument::described(args.config.as_deref())?.of_one_gate()?.with_whole_spots();
-    for layer in &mut description.atmosphere.layers {
-        layer.wind_speed_m_per_s = 0.0;
-    }
+    let described = Instrument::described(args.config.as_deref())?;
+    let description = described.of_one_gate()?.with_whole_spots().frozen();
     let conditions = Conditions {
         sensing: Sensing::Images,
         noise_free: true,

@@ -52,10 +52,8 @@ impl Plan {
     /// # Errors
     /// [`Error::Config`] with field, value and limit.
     pub(super) fn new(args: &ScaleArgs) -> Result<Self, Error> {
-        let mut description = Instrument::described(args.config.as_deref())?.of_one_gate()?;
-        for layer in &mut description.atmosphere.layers {
-            layer.wind_speed_m_per_s = 0.0;
-        }
+        let described = Instrument::described(args.config.as_deref())?;
+        let description = described.of_one_gate()?.frozen();
         let laws = once([PLAIN].into_iter().chain(args.lever_arm.iter().copied()));
         let across = increasing(&args.n, Ord::cmp);
         let with_images = args.images.as_deref().unwrap_or(&IMAGES);
