@@ -567,8 +567,9 @@ impl<const M: usize, const B: usize, const K: usize> Controller<M, B, K> {
 
     /// Lets `config` be the one that is lent from now on, in place of `before`, at a frame boundary.
     ///
-    /// For the same mask the mirror stays where it is, whatever the flat maps, and goes on from there; for
-    /// another it must be safe and flat. The first one sets the flat map's codes at once: nothing has
+    /// For the same mask the mirror stays where it is, whatever the flat maps, and goes on from there, without
+    /// what frames have left unless it [continues](Config::continues) the one before; for another mask it
+    /// must be safe and flat. The first one sets the flat map's codes at once: nothing has
     /// driven the mirror before. The gate goes to the configuration's range, if that is another than
     /// that of the one before.
     ///
@@ -618,7 +619,7 @@ impl<const M: usize, const B: usize, const K: usize> Controller<M, B, K> {
         self.gate.ask(range, &config.timing()).map_err(Refusal::Gate)?;
         if !same_mask {
             self.pipeline.reset(config);
-        } else if !before.same_mechanics(config) {
+        } else if !config.continues(before) {
             self.pipeline.adopt(config);
         }
         self.wanted.fill(Position::default());

@@ -71,6 +71,14 @@ pub struct GateTiming {
     pub pulses_per_frame: u32,
 }
 
+impl GateTiming {
+    /// From one frame to the next, ns.
+    #[must_use]
+    pub fn frame_ns(&self) -> u64 {
+        u64::from(self.period_ns) * u64::from(self.pulses_per_frame)
+    }
+}
+
 /// Longest pulse period, s: it must fit [`GateTiming`] in u32 nanoseconds.
 const MAX_PERIOD_S: f64 = 4.0;
 

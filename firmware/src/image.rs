@@ -334,7 +334,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         let capacity = libm::floor(libm::sqrt(M as f64));
         check(Field::Across, head.across.into(), (4.0, capacity))?;
         check(Field::Subapertures, count as f64, (1.0, M as f64))?;
-        let windows = count * if self.modal.is_on() { 2 } else { 1 };
+        let windows = count * self.modal.gates();
         check(Field::Windows, windows as f64, (1.0, M as f64))?;
         check(Field::DetectorWidth, head.width.into(), (1.0, 4096.0))?;
         check(Field::DetectorHeight, head.height.into(), (1.0, 4096.0))?;
@@ -407,10 +407,9 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         Ok(())
     }
 
-    /// Slots come in readout order, each of `count` windows once, a subaperture's second after its
-    /// first.
-    pub(crate) fn load_slot(&mut self, slot: Slot, count: usize) -> Result<(), ConfigError> {
-        let index = self.slots.len();
+    /// Slots come in readout order, each window once, a subaperture's second after its first.
+    pub(crate) fn load_slot(&mut self, slot: Slot) -> Result<(), ConfigError> {
+        let (index, count) = (self.slots.len(), self.nodes.len() * self.modal.gates());
         let refuse = |value: u16, limit| {
             Err(ConfigError::at(Field::WindowOrigin, index, f64::from(value), limit))
         };

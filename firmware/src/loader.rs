@@ -208,20 +208,19 @@ impl Loader {
                 ModalConfig::<M, K>::check_head(head)?;
                 bank.modal.head = head;
             }
-            Section::Slots => bank.load_slot(record(entry)?, self.windows(bank))?,
+            Section::Slots => bank.load_slot(record(entry)?)?,
             Section::Subapertures => bank.load_subaperture(record(entry)?)?,
             Section::SecondGate => bank.load_second_gate(record(entry)?)?,
             Section::Gradients => {
-                let all = bank.modal.gradients.get_mut(self.index);
                 let values = entry.as_chunks().0.iter().map(|&bytes| i16::from_le_bytes(bytes));
-                let places = all.map_or(&mut [][..], |all| all.as_flattened_mut());
+                let places = bank.modal.of_mut(self.index).as_flattened_mut();
                 places.iter_mut().zip(values).for_each(|(place, value)| *place = value);
             }
             Section::Coupling => {
                 let modes = bank.modes();
-                let row = bank.modal.coupling.get_mut(self.index);
+                let row = bank.modal.row_mut(self.index).unwrap_or_default();
                 let values = entry.as_chunks().0.iter().map(|&bytes| i32::from_le_bytes(bytes));
-                let places = row.map_or(&mut [][..], |row| row.as_flattened_mut());
+                let places = row.as_flattened_mut();
                 for (j, (place, value)) in places.iter_mut().zip(values).enumerate() {
                     let at = 2 * modes * self.index + j;
                     ModalConfig::<M, K>::check_coupling(value, at)?;
@@ -248,7 +247,7 @@ impl Loader {
         bank: &mut Config<M, P, B, K>,
     ) -> Result<(), ImageError> {
         let (count, modes) = (bank.nodes.len(), bank.modes());
-        let pixels = self.windows(bank) * bank.window * bank.window;
+        let pixels = bank.windows() * bank.window * bank.window;
         let [phase, ..] = &bank.template.samples;
         match self.section {
             Section::Prefix => {
@@ -268,7 +267,7 @@ impl Loader {
                 let head = self.head.ok_or(ImageError::Malformed)?;
                 bank.set_head(&head, mask.count())?;
                 bank.fill_nodes(&mask);
-                self.enter(Section::Slots, Form::Records(self.windows(bank)));
+                self.enter(Section::Slots, Form::Records(bank.nodes.len() * bank.modal.gates()));
             }
             Section::Slots => self.enter(Section::Subapertures, Form::Records(count)),
             Section::Subapertures if self.two_gates => {
@@ -303,14 +302,6 @@ impl Loader {
         bank.mask = Some(mask);
         self.section = Section::End;
         Ok(())
-    }
-
-    /// How many windows there are.
-    fn windows<const M: usize, const P: usize, const B: usize, const K: usize>(
-        &self,
-        bank: &Config<M, P, B, K>,
-    ) -> usize {
-        bank.nodes.len() * if self.two_gates { 2 } else { 1 }
     }
 
     fn mask(&self) -> Result<Mask, ImageError> {

@@ -52,6 +52,7 @@ pub(crate) const COUPLING_BITS: u32 = 12;
 pub(crate) const COUPLING_LIMIT: f64 = 64.0;
 /// Binary exponents of q: no entry of a unit vector is above 1, and the largest of 3200 not below 1/57.
 pub(crate) const EXPONENTS: (u32, u32) = (14, 20);
+const EXPONENT_RULE: Limit = Limit::Rule("binary exponent: must be 14 to 20");
 /// Bits to which modes are orthonormal and without uniform tilt.
 const ORTHONORMAL_BITS: u32 = 8;
 
@@ -230,6 +231,11 @@ impl<const M: usize, const K: usize> ModalConfig<M, K> {
         K > 0 && self.head.modes > 0
     }
 
+    /// How many windows a subaperture has.
+    pub(crate) const fn gates(&self) -> usize {
+        if self.is_on() { 2 } else { 1 }
+    }
+
     /// Those of `all` that are of a mode.
     #[inline(always)]
     fn in_use<'a, T>(&self, all: &'a [T; K]) -> &'a [T] {
@@ -273,8 +279,10 @@ impl<const M: usize, const K: usize> ModalConfig<M, K> {
     pub(crate) fn check_head(head: ModalHead) -> Result<(), ConfigError> {
         Self::check_room(head.modes.into())?;
         let (least, most) = EXPONENTS;
-        let limit = (least.into(), most.into());
-        ConfigError::check(Field::Modes, None, head.exponent.into(), limit).map(|_| ())
+        if !(least..=most).contains(&head.exponent.into()) {
+            return Err(ConfigError::new(Field::Modes, head.exponent.into(), EXPONENT_RULE));
+        }
+        Ok(())
     }
 
     /// Refuses an entry of C that is too large, the `at`-th of all.
@@ -299,19 +307,23 @@ impl<const M: usize, const K: usize> ModalConfig<M, K> {
         head: ModalHead,
         gradients: impl Fn(usize) -> [[i16; 2]; K],
     ) -> Result<(), ConfigError> {
+        let modes = usize::from(head.modes);
+        if modes == 0 {
+            return Ok(());
+        }
         let (mut products, mut sums) = ([[0i64; K]; K], [[0i64; 2]; K]);
         for i in 0..count {
             let all = gradients(i).map(|q| q.map(i64::from));
+            let all = all.get(..modes).unwrap_or_default();
             for (([x, y], products), [sum_x, sum_y]) in all.iter().zip(&mut products).zip(&mut sums)
             {
                 (*sum_x, *sum_y) = (*sum_x + x, *sum_y + y);
-                products.iter_mut().zip(&all).for_each(|(sum, [u, v])| *sum += x * u + y * v);
+                products.iter_mut().zip(all).for_each(|(sum, [u, v])| *sum += x * u + y * v);
             }
         }
         let unit = 1i64 << (2 * u32::from(head.exponent));
         let refuse =
             |k, value, rule| Err(ConfigError::at(Field::Modes, k, value, Limit::Rule(rule)));
-        let modes = usize::from(head.modes);
         for (k, (products, sums)) in products.iter().zip(&sums).take(modes).enumerate() {
             for (j, &product) in products.iter().take(modes).enumerate() {
                 let off = product - if j == k { unit } else { 0 };

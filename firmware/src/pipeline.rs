@@ -143,6 +143,7 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
     /// Forgets what frames have left in the loop.
     fn forget<const P: usize>(&mut self, config: &Config<M, P, B, K>) {
         self.warm = false;
+        self.windows = 0;
         self.readout.reset(config.window);
         self.control.reset();
         self.sor.reset();
@@ -152,10 +153,9 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
 
     /// Starts frame `frame`. An unfinished one is dropped and counted.
     ///
-    /// The configuration may have been exchanged since the last frame for one with the same mask;
-    /// for another mask, and for another flat map, limits or matrices of the segments, call
-    /// [`Pipeline::reset`] first. (Another number of subapertures is seen and starts from the flat
-    /// mirror.)
+    /// The configuration may have been exchanged since the last frame for one that
+    /// [continues](Config::continues) it; for any other call [`Pipeline::reset`] first. (Another number of
+    /// subapertures is seen and starts from the flat mirror.)
     ///
     /// Every exposure must be begun, since the mirror's past is counted in frames: one whose rows
     /// never came is begun and finished without them.
@@ -407,8 +407,8 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         config.schedule.colours.iter().filter(|&&colour| colour == self.colour).count()
     }
 
-    /// Takes over a configuration of the same mask with another mirror: the codes stay, and all that
-    /// frames have left is forgotten but what the mirror shows.
+    /// Takes over a configuration of the same mask with another mirror, number of gates or size of windows:
+    /// the codes stay, and all that frames have left is forgotten but what the mirror shows.
     pub(crate) fn adopt<const P: usize>(&mut self, config: &Config<M, P, B, K>) {
         self.phase = Phase::Idle;
         self.forget(config);

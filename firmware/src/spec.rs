@@ -303,13 +303,14 @@ pub struct Spec<'a> {
 
 impl<'a> Spec<'a> {
     /// Origins of all windows: the first gate's, then the second's.
-    pub(crate) fn origins(&self) -> impl Iterator<Item = [u16; 2]> + Clone + use<'a> {
+    pub fn origins(&self) -> impl Iterator<Item = [u16; 2]> + Clone + use<'a> {
         let second = self.modal.map_or(&[][..], |modal| modal.origins);
         self.windows.origins.iter().chain(second).copied()
     }
 
     /// How many windows a subaperture has.
-    pub(crate) fn gates(&self) -> usize {
+    #[must_use]
+    pub fn gates(&self) -> usize {
         1 + usize::from(self.modal.is_some())
     }
 }

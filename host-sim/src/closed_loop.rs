@@ -88,6 +88,8 @@ pub struct ClosedLoop<'a> {
     mirror: Mirror,
     /// Codes on their way to the mirror, oldest first: L of them.
     pending: VecDeque<Vec<[u16; 3]>>,
+    /// Frames in which every spot is lit once.
+    cycle: u32,
     frame: u32,
 }
 
@@ -143,18 +145,13 @@ impl<'a> ClosedLoop<'a> {
     ) -> Result<Self, Error> {
         let pupil = instrument.pupil()?;
         let frame_s = instrument.frame_s();
-        let height_m = instrument.laser.beacon_height_m;
-        let scale = instrument.windows.pixels_per_lambda_d;
         let spots = pupil.subapertures().len();
         let two_gates = reconstructor.law().is_some();
         if two_gates && run.sensor != Sensor::Splash {
             let limit = "0 with a guide star, whose light comes from one height";
             return Err(refuse("second_gate.height_m", instrument.second_gate.height_m, limit));
         }
-        let sensor = || {
-            let sensor = GeometricSensor::new(run.sensor, &pupil, &atmosphere, height_m, scale)?;
-            Ok::<_, Error>(sensor.with_launch(instrument.launch()))
-        };
+        let sensor = || gradients(instrument, run.sensor, &pupil, &atmosphere);
         let eye = match run.sensing {
             Sensing::Images if two_gates => {
                 let limit = "0 with --sensing images, which has one gate";
@@ -191,6 +188,7 @@ impl<'a> ClosedLoop<'a> {
             device,
             mirror,
             pending: flat.into(),
+            cycle: reconstructor.lighting().count(),
             pupil,
             frame: 0,
         })
@@ -240,8 +238,8 @@ impl<'a> ClosedLoop<'a> {
     ///
     /// # Errors
     /// As there.
-    pub fn operate(&mut self, cycle: u32) -> Result<(), Error> {
-        Ok(operate(self.board, self.frame, cycle)?)
+    pub fn operate(&mut self) -> Result<(), Error> {
+        Ok(operate(self.board, self.frame, self.cycle)?)
     }
 
     /// Where the board's controller is.
@@ -290,11 +288,7 @@ impl<'a> ClosedLoop<'a> {
     /// # Errors
     /// As [`ClosedLoop::new`].
     pub fn truth(&self, instrument: &Instrument) -> Result<TruthSensor, Error> {
-        let scale = instrument.windows.pixels_per_lambda_d;
-        let height_m = instrument.laser.beacon_height_m;
-        let sensor = self.run.sensor;
-        let sensor = GeometricSensor::new(sensor, &self.pupil, &self.atmosphere, height_m, scale)?
-            .with_launch(instrument.launch());
+        let sensor = gradients(instrument, self.run.sensor, &self.pupil, &self.atmosphere)?;
         Ok(TruthSensor { sensor, centroids: vec![[0.0; 2]; self.pupil.subapertures().len()] })
     }
 
@@ -310,6 +304,19 @@ impl<'a> ClosedLoop<'a> {
 pub struct TruthSensor {
     sensor: GeometricSensor,
     centroids: Vec<[f64; 2]>,
+}
+
+/// The exact sensor of the first gate.
+fn gradients(
+    instrument: &Instrument,
+    sensor: Sensor,
+    pupil: &Pupil,
+    atmosphere: &Atmosphere,
+) -> Result<GeometricSensor, Error> {
+    let height_m = instrument.laser.beacon_height_m;
+    let scale = instrument.windows.pixels_per_lambda_d;
+    let sensor = GeometricSensor::new(sensor, pupil, atmosphere, height_m, scale)?;
+    Ok(sensor.with_launch(instrument.launch()))
 }
 
 /// A noiseless measurement of a centroid, pixels, with the flux of a spot.

@@ -75,44 +75,16 @@ impl Reconstructor {
     /// # Errors
     /// [`Error::Config`] with field, value and limit of what cannot be.
     pub fn new(instrument: &Instrument) -> Result<Self, Error> {
-        Self::with_detector(instrument, instrument.detector_side())
-    }
-
-    /// With a detector of that height, pixels.
-    fn with_detector(instrument: &Instrument, height: usize) -> Result<Self, Error> {
         let origins = instrument.origins()?;
-        let section = &instrument.detector;
-        let detector = Detector::new(DetectorSpec {
-            width: instrument.detector_side(),
-            height,
-            bits: section.bits,
-            gain_e_per_adu: section.gain_e_per_adu,
-            read_noise_e: section.read_noise_e,
-            dark_e_per_frame: section.dark_e_per_frame,
-            bias_adu: section.bias_adu,
-            full_well_e: section.full_well_e,
-            bad_pixels: section.bad_pixels.clone(),
-            response_rms: section.response_rms,
-            // One instrument has one detector, whatever the run's seed.
-            response_seed: 0,
-        })?;
-        let Calibration { dark_adu, flat, sigma_adu, bad_pixels } = detector.calibration();
-        let width = instrument.detector_side();
-        let blind = flat.iter().enumerate().filter(|(_, flat)| **flat < 1.0 / MAX_PIXEL_GAIN);
-        let mut bad: Vec<[u16; 2]> = blind
-            .map(|(i, _)| [i % width, i / width])
-            .chain(bad_pixels)
-            .map(|pixel| pixel.map(|i| i as u16))
-            .collect();
-        bad.sort_unstable_by_key(|&[x, y]| (y, x));
-        bad.dedup();
+        let (detector, maps) = detector(instrument, instrument.detector_side())?;
         let mask = instrument.mask()?;
         let lighting = Lighting::new(instrument)?;
         let Centroids { flux_min, flux_max, .. } = instrument.centroids;
         let flux_limits_adu = [flux_min, flux_max].map(|part| {
-            let limit = |electrons| part * (electrons / section.gain_e_per_adu);
+            let limit = |electrons| part * (electrons / instrument.detector.gain_e_per_adu);
             lighting.electrons_per_spot().map(limit).collect()
         });
+        let PixelMaps { dark_adu, gain, noise_adu, bad } = maps;
         Ok(Self {
             slopes: SlopeCalibration::ideal(instrument, mask.count()),
             flux_limits_adu,
@@ -122,9 +94,9 @@ impl Reconstructor {
             mask,
             detector,
             origins,
-            dark_adu: dark_adu.into_iter().map(f64::from).collect(),
-            gain: flat.into_iter().map(|flat| 1.0 / f64::from(flat)).collect(),
-            noise_adu: sigma_adu.into_iter().map(f64::from).collect(),
+            dark_adu,
+            gain,
+            noise_adu,
             bad,
             second: None,
         })
@@ -150,8 +122,8 @@ impl Reconstructor {
             origins: self.origins.iter().map(|&[x, y]| [x, y + side as u16]).collect(),
             slopes: SlopeCalibration::ideal(instrument, self.mask.count()),
         };
-        let taller = Self::with_detector(instrument, 2 * side)?;
-        Ok(Self { slopes: self.slopes, second: Some(second), ..taller })
+        let (detector, maps) = detector(instrument, 2 * side)?;
+        Ok(Self { detector, second: Some(second), ..self }.with_pixels(maps))
     }
 
     /// The law that combines two gates; `None` for one.
@@ -336,4 +308,40 @@ impl Reconstructor {
             saturated_frames: safety.saturated_frames,
         }
     }
+}
+
+/// The description's detector with that height, pixels, and what its calibration says of it.
+fn detector(instrument: &Instrument, height: usize) -> Result<(Detector, PixelMaps), Error> {
+    let section = &instrument.detector;
+    let detector = Detector::new(DetectorSpec {
+        width: instrument.detector_side(),
+        height,
+        bits: section.bits,
+        gain_e_per_adu: section.gain_e_per_adu,
+        read_noise_e: section.read_noise_e,
+        dark_e_per_frame: section.dark_e_per_frame,
+        bias_adu: section.bias_adu,
+        full_well_e: section.full_well_e,
+        bad_pixels: section.bad_pixels.clone(),
+        response_rms: section.response_rms,
+        // One instrument has one detector, whatever the run's seed.
+        response_seed: 0,
+    })?;
+    let Calibration { dark_adu, flat, sigma_adu, bad_pixels } = detector.calibration();
+    let width = instrument.detector_side();
+    let blind = flat.iter().enumerate().filter(|(_, flat)| **flat < 1.0 / MAX_PIXEL_GAIN);
+    let mut bad: Vec<[u16; 2]> = blind
+        .map(|(i, _)| [i % width, i / width])
+        .chain(bad_pixels)
+        .map(|pixel| pixel.map(|i| i as u16))
+        .collect();
+    bad.sort_unstable_by_key(|&[x, y]| (y, x));
+    bad.dedup();
+    let maps = PixelMaps {
+        dark_adu: dark_adu.into_iter().map(f64::from).collect(),
+        gain: flat.into_iter().map(|flat| 1.0 / f64::from(flat)).collect(),
+        noise_adu: sigma_adu.into_iter().map(f64::from).collect(),
+        bad,
+    };
+    Ok((detector, maps))
 }

@@ -26,7 +26,7 @@ fn codes(toml: &str, frames: u32, operated: bool) -> Ran {
     let mut all = Vec::new();
     for _ in 0..frames {
         if operated {
-            closed.operate(reconstructor.lighting().count()).unwrap();
+            closed.operate().unwrap();
         }
         closed.step().unwrap();
         all.push(closed.board().codes().to_vec());

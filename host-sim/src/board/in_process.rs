@@ -6,18 +6,14 @@ use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;
 use splash_firmware::controller::{Command, Controller, Start};
 use splash_firmware::error::ConfigError;
-use splash_firmware::interlock::Inputs;
 use splash_firmware::link::Stack;
 use splash_firmware::modal::MAX_MODES;
 use splash_firmware::pipeline::{Probe, Report, Stage, Totals};
 use splash_firmware::segments::Position;
 use splash_firmware::slopes::Slope;
 use splash_firmware::spec::Spec;
-use splash_server::controller;
+use splash_server::{PERMITTED, controller};
 use std::time::Instant;
-
-/// Nothing stands before a mirror and a laser in simulation.
-const PERMITTED: Inputs = Inputs { laser_permit: true, high_voltage_ready: true };
 
 /// A configuration and the state of its loop.
 struct InProcess<const M: usize, const P: usize, const B: usize, const K: usize> {
@@ -107,7 +103,7 @@ pub(super) fn local(
     options: Options,
 ) -> Result<Box<dyn Local + Send>, ConfigError> {
     let across = spec.mask.across();
-    let gates = if spec.modal.is_some() { 2 } else { 1 };
+    let gates = spec.gates();
     let pixels = gates * spec.mask.count() * usize::from(spec.windows.size).pow(2);
     match (gates, across, pixels) {
         (1, ..=8, ..=16_384) => InProcess::<64, 16_384, 16_384, 0>::boxed(spec, options),
@@ -192,9 +188,9 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Board
         let refused = |source| BoardError::Refused { frame: number, source };
         self.clock.mark();
         let timing = self.config.timing();
-        let pulses = timing.pulses_per_frame;
-        self.ticks += u64::from(timing.period_ns) * u64::from(pulses);
+        self.ticks += timing.frame_ns();
         if self.controlled {
+            let pulses = timing.pulses_per_frame;
             let start = Start { number, pulses, ticks: self.ticks };
             self.controller.begin(&self.config, start);
         } else {

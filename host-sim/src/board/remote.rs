@@ -90,6 +90,7 @@ impl Board for Remote {
         });
         match answer.map_err(failed(self.board, "when its mode was to change"))? {
             None => Ok(()),
+            Some(Reason::Mode(refusal)) => Err(refusal.into()),
             Some(reason) => Err(BoardError::Unfit { board: self.board, reason }),
         }
     }

@@ -78,7 +78,7 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
     let mut simulated = Duration::ZERO;
     for frame in 0..run.frames {
         let before = Instant::now();
-        closed.operate(cycle)?;
+        closed.operate()?;
         let step = closed.step()?;
         simulated += before.elapsed();
         series.push(step.time_s, &step.observation, step.report);

@@ -60,7 +60,7 @@ pub fn run(args: &FramesArgs) -> Result<(), Error> {
     let bar = progress::bar(u64::from(run.frames), "recording", "frames");
     for _ in 0..run.frames {
         centroids.extend(closed.look(&mut truth).as_flattened().iter().map(|c| *c as f32));
-        closed.operate(reconstructor.lighting().count())?;
+        closed.operate()?;
         let step = closed.step()?;
         strehl.push(step.observation.strehl);
         frames.push(step.pixels)?;

@@ -37,9 +37,7 @@ impl Content {
             Self::Dark | Self::Bright | Self::HalfDead => {
                 let level = if self == Self::Dark { 0 } else { top / 32 };
                 pixels.fill_with(|| rng.random_range(0..=level));
-                let second = spec.modal.map_or(&[][..], |modal| modal.origins);
-                let origins = spec.windows.origins.iter().chain(second);
-                for (i, &[x0, y0]) in origins.enumerate() {
+                for (i, [x0, y0]) in spec.origins().enumerate() {
                     let lit = match self {
                         Self::Dark => i == 0,
                         Self::HalfDead => i % 2 == 0,

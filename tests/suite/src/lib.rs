@@ -25,6 +25,7 @@ use core::fmt;
 
 use splash_firmware::config::Config;
 use splash_firmware::error::ConfigError;
+use splash_firmware::modal::MAX_MODES;
 use splash_firmware::pipeline::Pipeline;
 
 pub use digest::Digest;
@@ -37,7 +38,7 @@ pub const PIXELS: usize = 208 * 8 * 8;
 pub const BUFFER: usize = 8 * 8 * 8;
 
 /// Modes of a second gate.
-pub const MODES: usize = 25;
+pub const MODES: usize = MAX_MODES;
 
 /// One result: of a case and a stage. Displayed as one line of the golden file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -54,7 +54,7 @@ fn closed(
         ClosedLoop::new(description, reconstructor, board, run, &mut |_| ()).expect("closed loop");
     let mut digest = CodeDigest::default();
     for _ in 0..frames {
-        closed.operate(reconstructor.lighting().count()).expect("a mode");
+        closed.operate().expect("a mode");
         closed.step().expect("a frame");
         digest.add(closed.board().codes());
     }

@@ -12,6 +12,8 @@ mod two_gates;
 use host_sim::board::remote::Remote;
 use host_sim::board::{Board, BoardError, Frame, in_process};
 use splash_firmware::centroid::Measurement;
+use splash_firmware::controller::Command;
+use splash_firmware::mode::{Mode, Refusal};
 use splash_firmware::spec::Estimator;
 use splash_tests::frames::{Background, Rng, frame, scattered};
 use splash_tests::instrument::Instrument;
@@ -83,4 +85,9 @@ fn same_as_here(instrument: &Instrument, there: &mut Remote) {
     let last = Frame::Pixels(&pixels[4]);
     assert_eq!(here.frame(0, last).expect("here"), there.frame(0, last).expect("there"));
     same(here.as_ref(), there, "after the frame behind it");
+    let close = Command::Enter(Mode::ClosedLoop);
+    for board in [here.as_mut() as &mut dyn Board, there] {
+        let Err(BoardError::Refusal(refusal)) = board.command(close) else { panic!("refused") };
+        assert_eq!(refusal, Refusal::NoWay { from: Mode::Safe, to: Mode::ClosedLoop });
+    }
 }

@@ -113,6 +113,18 @@ fn bad_images_are_refused() {
     large[coupling..coupling + 4].copy_from_slice(&(65i32 << 12).to_le_bytes());
     let refused = load::<300, 6000, 100, 12>(&sealed(large)).expect_err("B / f = 65");
     assert_eq!(field(refused), Some(Field::Coupling));
+    // Behind magic and version the head and the calibration, each after its length; then modes and exponent.
+    let behind = |at: usize| at + 1 + usize::from(bytes[at]);
+    let exponent = behind(behind(6)) + 2;
+    for bad in [13, 21] {
+        let mut shifted = bytes.clone();
+        shifted[exponent] = bad;
+        let Err(ImageError::Refused(error)) = load::<300, 6000, 100, 12>(&sealed(shifted)) else {
+            panic!("refused")
+        };
+        assert_eq!((error.field, error.value), (Field::Modes, f64::from(bad)));
+        assert!(error.to_string().contains("exponent"), "{error}");
+    }
     for cut in [coupling - 20, coupling + 20] {
         assert_eq!(load::<300, 6000, 100, 12>(&bytes[..cut]).err(), Some(ImageError::Cut));
     }

@@ -1,6 +1,7 @@
 //! Two gates: the correction that their difference makes, and what carries its configuration.
 
 mod carried;
+mod exchanged;
 mod extremes;
 mod law;
 mod refused;

@@ -18,7 +18,7 @@ mod server;
 pub use image::{Left, Pieces};
 pub use no_flash::NoFlash;
 pub use outbox::Outbox;
-pub use server::{controller, identity, receive, serve};
+pub use server::{PERMITTED, controller, identity, receive, serve};
 
 use embedded_storage::nor_flash::NorFlash;
 use splash_firmware::link::Stack;

@@ -92,14 +92,22 @@ pub fn find_pixel<const M: usize, const P: usize, const B: usize, const K: usize
     Ok(())
 }
 
-/// Raw pixels as [`Response::Pixels`] has them: as many as there is room for.
+/// Raw pixels as [`Response::Pixels`] has them, of row `row` from column `first` on: as many as there is
+/// room for. `rows` are those from `start` on, of `width` pixels; `None` if there are none of it.
 #[must_use]
-pub fn raw_pixels(pixels: &[u16]) -> heapless::Vec<u8, PIECE> {
+pub fn raw_pixels(
+    (row, first): (usize, usize),
+    rows: &[u16],
+    start: usize,
+    width: usize,
+) -> Option<heapless::Vec<u8, PIECE>> {
+    let row = rows.chunks(width.max(1)).nth(row.checked_sub(start)?)?;
+    let pixels = row.get(first..).filter(|pixels| !pixels.is_empty())?;
     let mut bytes = heapless::Vec::new();
     for byte in pixels.iter().take(PIECE / 2).flat_map(|pixel| pixel.to_le_bytes()) {
         let _ = bytes.push(byte);
     }
-    bytes
+    Some(bytes)
 }
 
 /// Sends bytes of the running configuration's image. `Ready` behind them is left to the caller.
@@ -140,7 +148,7 @@ pub fn read_back<T: Link, const M: usize, const P: usize, const B: usize, const 
 }
 
 /// Stores, or loads what is stored into the other bank; `None` for a request about something else.
-/// `may_store`: the mode allows it.
+/// `serials`: of the hardware that is there, or why nothing may be stored now.
 pub fn stored<F: NorFlash, const M: usize, const P: usize, const B: usize, const K: usize>(
     flash: Option<F>,
     banks: &mut Banks<'_, M, P, B, K>,

@@ -22,7 +22,7 @@ use splash_firmware::telemetry::{Cycles, Decimation, Ring, Stamp};
 /// The clock of an emulated board is that of its frames: one tick a nanosecond.
 const TICKS_PER_SECOND: u32 = 1_000_000_000;
 /// What stands before an emulated mirror and laser lets them on, and they need no time.
-const PERMITTED: Inputs = Inputs { laser_permit: true, high_voltage_ready: true };
+pub const PERMITTED: Inputs = Inputs { laser_permit: true, high_voltage_ready: true };
 const TIMES: Times = Times { settle_ticks: 0, fall_ticks: 0 };
 
 /// The controller of an emulated board.
@@ -157,17 +157,6 @@ struct Wanted {
     first: usize,
     /// Empty before the row has come.
     bytes: heapless::Vec<u8, PIECE>,
-}
-
-impl Wanted {
-    /// Looks for the row among those from `start` on.
-    fn look(&mut self, rows: &[u16], start: usize, width: usize) {
-        let row = self.row.checked_sub(start).and_then(|row| rows.chunks(width).nth(row));
-        let pixels = row.and_then(|row| row.get(self.first..)).unwrap_or_default();
-        if !pixels.is_empty() {
-            self.bytes = parameters::raw_pixels(pixels);
-        }
-    }
 }
 
 impl<const M: usize, const P: usize, const B: usize, const K: usize, const R: usize>
@@ -398,8 +387,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize, const R: us
     }
 
     fn frame_ns(&self) -> u64 {
-        let timing = self.banks.running().timing();
-        u64::from(timing.period_ns) * u64::from(timing.pulses_per_frame)
+        self.banks.running().timing().frame_ns()
     }
 
     /// Rows from the detector; those behind a refused one are read and left.
@@ -415,8 +403,10 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize, const R: us
         let (mut read, mut start) = (Ok(()), 0);
         while let Some(rows) = port.rows()? {
             let count = rows.len().div_ceil(width) as u16;
-            if let Some(wanted) = &mut self.wanted {
-                wanted.look(rows, start, width);
+            if let Some(Wanted { row, first, bytes, .. }) = &mut self.wanted
+                && let Some(pixels) = parameters::raw_pixels((*row, *first), rows, start, width)
+            {
+                *bytes = pixels;
             }
             start += usize::from(count);
             if read.is_ok() {

@@ -7,6 +7,7 @@ use ibex::{Console, DMEM_BYTES, Exit, Once, Ports, STACK_BYTES, exit};
 use splash_firmware::banks::Banks;
 use splash_firmware::config::Config;
 use splash_firmware::controller::Controller;
+use splash_firmware::link::LIST;
 use splash_firmware::modal::MAX_MODES;
 use splash_firmware::telemetry::Ring;
 use splash_server::{controller, serve};
@@ -19,8 +20,8 @@ const P: usize = 26_624;
 const B: usize = 2_048;
 /// Modes of a second gate.
 const K: usize = MAX_MODES;
-/// Records of telemetry: those of a frame with 256 subapertures are 65.
-const R: usize = 66;
+/// Records of telemetry: those of a frame, its summary and what there is of each subaperture, and one more.
+const R: usize = 2 + 4 * M.div_ceil(LIST);
 
 static RUNNING: Once<Config<M, P, B, K>> = Once::new(Config::new());
 static OTHER: Once<Config<M, P, B, K>> = Once::new(Config::new());

@@ -7,6 +7,7 @@ use semihosting::io::ErrorKind;
 use splash_firmware::banks::Banks;
 use splash_firmware::config::Config;
 use splash_firmware::controller::Controller;
+use splash_firmware::link::LIST;
 use splash_firmware::modal::MAX_MODES;
 use splash_firmware::telemetry::Ring;
 use splash_server::{controller, serve};
@@ -20,8 +21,8 @@ const P: usize = 26_624;
 const B: usize = 2_048;
 /// Modes of a second gate.
 const K: usize = MAX_MODES;
-/// Records of telemetry: those of a frame with 256 subapertures are 65.
-const R: usize = 66;
+/// Records of telemetry: those of a frame, its summary and what there is of each subaperture, and one more.
+const R: usize = 2 + 4 * M.div_ceil(LIST);
 
 static RUNNING: ConstStaticCell<Config<M, P, B, K>> = ConstStaticCell::new(Config::new());
 static OTHER: ConstStaticCell<Config<M, P, B, K>> = ConstStaticCell::new(Config::new());

@@ -207,10 +207,11 @@ impl<D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
     #[inline(never)]
     pub(crate) fn look(&mut self, place: u16, rows: u16, width: u16, pixels: &[u16]) {
         let Some(wanted) = &mut self.wanted else { return };
-        let row = wanted.row.checked_sub(place.saturating_mul(rows));
-        let row = row.and_then(|row| pixels.chunks(usize::from(width.max(1))).nth(row.into()));
-        let Some(row) = row.and_then(|row| row.get(usize::from(wanted.first)..)) else { return };
-        wanted.found = Some((self.frames.controller.at().frame, raw_pixels(row)));
+        let pixel = (wanted.row.into(), wanted.first.into());
+        let start = place.saturating_mul(rows).into();
+        if let Some(bytes) = raw_pixels(pixel, pixels, start, width.into()) {
+            wanted.found = Some((self.frames.controller.at().frame, bytes));
+        }
     }
 
     /// A frame has ended: the row that was asked for, or that there was none.

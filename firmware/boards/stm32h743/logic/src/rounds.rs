@@ -20,9 +20,8 @@ pub const TIMES: Times = Times { settle_ticks: CORE_HZ as u64 / 10, fall_ticks: 
 /// Cycles from one frame to the next.
 #[must_use]
 pub fn frame_cycles(timing: &GateTiming) -> u64 {
-    let ns = u64::from(timing.period_ns) * u64::from(timing.pulses_per_frame);
     // Cycles of a microsecond are whole.
-    ns * u64::from(CORE_HZ / 1_000_000) / 1000
+    timing.frame_ns() * u64::from(CORE_HZ / 1_000_000) / 1000
 }
 
 impl<D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>

@@ -379,8 +379,7 @@ impl<'q, const M: usize, const P: usize, const B: usize> Service<'q, M, P, B> {
     }
 
     fn usual_streams(&self) -> Decimation {
-        let timing = self.running.timing();
-        let frame_ns = u64::from(timing.period_ns) * u64::from(timing.pulses_per_frame);
+        let frame_ns = self.running.timing().frame_ns();
         Decimation::for_link(LINK_BYTES_PER_S, frame_ns, self.running.subapertures())
     }
 

@@ -4,6 +4,7 @@
 #![no_main]
 
 use splash_firmware::config::Config;
+use splash_firmware::modal::MAX_MODES;
 use splash_firmware::pipeline::{Pipeline, Report};
 
 /// Cells of the grid.
@@ -13,9 +14,9 @@ const P: usize = M * 16 * 16;
 /// Pixels that brightest-n buffers: the eight windows that share a row.
 const B: usize = 8 * 16 * 16;
 
-/// The same with two gates and 25 modes: their windows, pixels and modes.
-type TwoGateConfig = Config<{ 2 * M }, { 2 * P }, B, 25>;
-type TwoGatePipeline = Pipeline<{ 2 * M }, B, 25>;
+/// The same with two gates and as many modes as there may be: their windows, pixels and modes.
+type TwoGateConfig = Config<{ 2 * M }, { 2 * P }, B, MAX_MODES>;
+type TwoGatePipeline = Pipeline<{ 2 * M }, B, MAX_MODES>;
 
 /// Bytes on this target of bank and state, without and with the buffer of brightest-n: for
 /// 8 x 8 subapertures with windows of 16 x 16 pixels, and for 16 x 16 with 8 x 8.
