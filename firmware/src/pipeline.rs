@@ -569,6 +569,18 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         self.readout.measurements().get(..self.mirror.subapertures()).unwrap_or_default()
     }
 
+    /// Those of the second gate; none without one.
+    #[must_use]
+    pub fn second_measurements(&self) -> &[Measurement] {
+        self.readout.measurements().get(self.second()).unwrap_or_default()
+    }
+
+    /// Those of all windows: the second gate's come behind the others.
+    #[must_use]
+    pub fn window_measurements(&self) -> &[Measurement] {
+        self.readout.measurements().get(..self.second().end).unwrap_or_default()
+    }
+
     /// The slopes of the last complete frame, in subaperture order.
     #[must_use]
     pub fn slopes(&self) -> &[Slope] {
@@ -583,10 +595,11 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         complete.and_then(|slopes| slopes.get(self.second())).unwrap_or_default()
     }
 
-    /// Centroids, fluxes and peaks of the second gate; none without one.
+    /// Those of all windows: the second gate's come behind the others.
     #[must_use]
-    pub fn second_measurements(&self) -> &[Measurement] {
-        self.readout.measurements().get(self.second()).unwrap_or_default()
+    pub fn window_slopes(&self) -> &[Slope] {
+        let complete = self.slopes.get(self.readout.complete());
+        complete.and_then(|slopes| slopes.get(..self.second().end)).unwrap_or_default()
     }
 
     fn second(&self) -> core::ops::Range<usize> {

@@ -174,8 +174,14 @@ pub trait Board {
     /// Measurements of the last frame.
     fn measurements(&self) -> &[Measurement];
 
+    /// Those of the second gate; none without one.
+    fn second_measurements(&self) -> &[Measurement];
+
     /// Slopes of the last frame.
     fn slopes(&self) -> &[Slope];
+
+    /// Those of the second gate; none without one.
+    fn second_slopes(&self) -> &[Slope];
 
     /// Positions of the segments.
     fn positions(&self) -> &[Position];

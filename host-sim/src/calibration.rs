@@ -18,6 +18,7 @@ use crate::instrument::Instrument;
 use crate::optics::geometric::Sensor;
 use crate::pupil::{Mirror, Pupil};
 use crate::reconstructor::Reconstructor;
+use splash_firmware::centroid::Measurement;
 use splash_firmware::fixed::CENTROID_BITS;
 
 /// How far a poke moves a spot, pixels: well within the linear range of a spot two pixels wide.
@@ -44,10 +45,18 @@ impl SlopeCalibration {
     /// That of a sensor which measures mean gradients: a pixel is lambda / (p d) on the sky, and
     /// half a subaperture turns it into a path of lambda / (2 p).
     pub fn ideal(instrument: &Instrument, subapertures: usize) -> Self {
-        let path = path_m_per_px(instrument);
+        Self::uniform(path_m_per_px(instrument), subapertures)
+    }
+
+    /// The same of the second gate.
+    pub fn ideal_at_gate(instrument: &Instrument, subapertures: usize) -> Self {
+        Self::uniform(gate_path_m_per_px(instrument), subapertures)
+    }
+
+    fn uniform(path_m: f64, subapertures: usize) -> Self {
         Self {
             reference_px: vec![[0.0; 2]; subapertures],
-            gain_m_per_px: vec![[[path, 0.0], [0.0, path]]; subapertures],
+            gain_m_per_px: vec![[[path_m, 0.0], [0.0, path_m]]; subapertures],
         }
     }
 
@@ -67,48 +76,74 @@ impl SlopeCalibration {
         SPOTS.div_ceil(subapertures)
     }
 
-    /// Measures that of `sensor`'s images; `progress` is told the fraction done.
+    /// Measures that of `sensor`'s images at the first gate; `progress` is told the fraction done.
     ///
     /// # Errors
-    /// [`Error::Config`] for an instrument that the optics or the firmware refuse, or whose spots
-    /// do not follow their segments: too faint, or windows too small.
+    /// As [`calibrated`].
     pub fn of(
         sensor: Sensor,
         instrument: &Instrument,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Self, Error> {
-        let subapertures = instrument.mask()?.count();
-        if subapertures == 1 {
-            // Its tilt is the global tilt, which is not the sensor's to correct.
-            return Ok(Self::ideal(instrument, 1));
+        let reconstructor = calibrated(sensor, Reconstructor::new(instrument)?, progress)?;
+        Ok(reconstructor.slopes().clone())
+    }
+}
+
+/// A reconstructor with reference slopes and gains as `sensor`'s images have them, at each of its gates; `progress` is
+/// told the fraction done.
+///
+/// # Errors
+/// [`Error::Config`] for an instrument that the optics or the firmware refuse, or whose spots
+/// do not follow their segments: too faint, or windows too small.
+pub fn calibrated(
+    sensor: Sensor,
+    reconstructor: Reconstructor,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Reconstructor, Error> {
+    let subapertures = reconstructor.mask().count();
+    if subapertures == 1 {
+        // Its tilt is the global tilt, which is not the sensor's to correct.
+        return Ok(reconstructor);
+    }
+    let mut slopes = on_bench(sensor, &reconstructor)?;
+    let on_bench = with_slopes(reconstructor, &slopes);
+    let skies = SlopeCalibration::skies(subapertures);
+    let mut sums = vec![[0.0; 2]; slopes.len()];
+    for sky in 0..skies {
+        let seed = SKY_SEED + sky as u64;
+        let seen = on_sky(sensor, &on_bench, seed, &mut |done| {
+            progress((sky as f64 + done) / skies as f64);
+        })?;
+        for (sum, seen) in sums.iter_mut().zip(seen) {
+            *sum = [sum[0] + seen[0], sum[1] + seen[1]];
         }
-        let mut slopes = Self::on_bench(sensor, instrument)?;
-        let skies = Self::skies(subapertures);
-        let (mut moved, mut square) = (0.0, 0.0);
-        for sky in 0..skies {
-            let seed = SKY_SEED + sky as u64;
-            let (m, s) = slopes.on_sky(sensor, instrument, seed, &mut |done| {
-                progress((sky as f64 + done) / skies as f64);
-            })?;
-            moved += m;
-            square += s;
-        }
+    }
+    for (slopes, [moved, square]) in slopes.iter_mut().zip(sums) {
         let factor = (square / moved).clamp(1.0 / MOST, MOST);
         let gains = slopes.gain_m_per_px.iter_mut().flatten().flatten();
         gains.for_each(|gain| *gain *= factor);
-        Ok(slopes)
     }
+    Ok(with_slopes(on_bench, &slopes))
+}
 
-    /// Reference slopes and gains with a flat wavefront.
-    fn on_bench(sensor: Sensor, instrument: &Instrument) -> Result<Self, Error> {
-        let sky = Atmosphere::from_screens(Vec::new(), instrument.pupil()?.diameter_m(), 0.0)?;
-        let reconstructor = Reconstructor::new(instrument)?;
-        let mut bench = Bench::new(sensor, instrument, &reconstructor, &sky)?;
-        let flat = Mirror::flat(bench.pupil.subapertures().len());
-        let reference_px = bench.centroids(&flat)?;
-        let pokes = bench.pokes();
-        let path = path_m_per_px(instrument);
-        let columns = bench.dither(&flat, &mut |_| ())?;
+/// With the slopes of each gate.
+fn with_slopes(reconstructor: Reconstructor, slopes: &[SlopeCalibration]) -> Reconstructor {
+    let mut gates = slopes.iter().cloned();
+    let reconstructor = gates.next().into_iter().fold(reconstructor, Reconstructor::with_slopes);
+    gates.next().into_iter().fold(reconstructor, Reconstructor::with_second_slopes)
+}
+
+/// Reference slopes and gains with a flat wavefront, of each gate.
+fn on_bench(sensor: Sensor, reconstructor: &Reconstructor) -> Result<Vec<SlopeCalibration>, Error> {
+    let diameter_m = reconstructor.instrument().pupil()?.diameter_m();
+    let sky = Atmosphere::from_screens(Vec::new(), diameter_m, 0.0)?;
+    let mut bench = Bench::new(sensor, reconstructor, &sky)?;
+    let flat = Mirror::flat(bench.pupil.subapertures().len());
+    let references = bench.centroids(&flat)?;
+    let pokes = bench.pokes();
+    let one_gate = |(gate, reference_px): (usize, Vec<[f64; 2]>)| {
+        let columns = bench.dither(gate, &flat, &mut |_| ())?;
         let mut gain_m_per_px = Vec::with_capacity(pokes.len());
         for (i, poke) in pokes.iter().enumerate() {
             let response = |axis: usize, poked: usize| columns[poked][i][axis] / (2.0 * poke);
@@ -116,61 +151,68 @@ impl SlopeCalibration {
             let determinant = determinant(response);
             // A spot that moves by less than a third of its segment's tilt is no measurement.
             if !(determinant.abs() > 0.1 && determinant.is_finite()) {
+                let light = ["laser.electrons_per_spot", "second_gate.electrons_per_spot"][gate];
                 return Err(Error::Config(format!(
                     "calibration of subaperture {i}: determinant of the spot's response to its \
-                     segment = {determinant}: must be above 0.1; check windows.size, \
-                     laser.electrons_per_spot and the detector's range"
+                     segment = {determinant}: must be above 0.1; check windows.size, {light} and the \
+                     detector's range"
                 )));
             }
-            gain_m_per_px.push(over(path, response));
+            gain_m_per_px.push(over(bench.paths_m_per_px[gate], response));
         }
-        Ok(Self { reference_px, gain_m_per_px })
-    }
+        Ok(SlopeCalibration { reference_px, gain_m_per_px })
+    };
+    references.into_iter().enumerate().map(one_gate).collect()
+}
 
-    /// Closes the loop with these slopes on a frozen sky and dithers: the sums, over all spots and
-    /// both axes, of seen motion times true motion and of true motion squared, pixels^2, in units
-    /// of this calibration.
-    fn on_sky(
-        &self,
-        sensor: Sensor,
-        instrument: &Instrument,
-        seed: u64,
-        progress: &mut dyn FnMut(f64),
-    ) -> Result<(f64, f64), Error> {
-        let mut frozen = instrument.clone().frozen();
-        frozen.control.delay_frames = 0;
-        let reconstructor = Reconstructor::new(&frozen)?.with_slopes(self.clone());
-        let mut board = in_process(&reconstructor.spec())?;
-        let frames = SETTLE * reconstructor.lighting().count();
-        let run = Run { sensor, sensing: Sensing::Images, frames, seed, noise_free: true };
-        let mut closed =
-            ClosedLoop::new(&frozen, &reconstructor, board.as_mut(), run, &mut |_| ())?;
-        for frame in 0..frames {
-            progress(f64::from(frame) / f64::from(frames + 4));
-            closed.step()?;
-        }
-        let mut bench = Bench::new(sensor, &frozen, &reconstructor, closed.atmosphere())?;
-        let settled = f64::from(frames);
-        let columns = bench.dither(closed.mirror(), &mut |done| {
+/// Closes the loop on a frozen sky and dithers: for each gate the sums, over all spots and both axes, of seen motion
+/// times true motion and of true motion squared, pixels^2, in units of the reconstructor's calibration.
+fn on_sky(
+    sensor: Sensor,
+    reconstructor: &Reconstructor,
+    seed: u64,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Vec<[f64; 2]>, Error> {
+    let reconstructor = reconstructor.clone().without_delay();
+    let frozen = reconstructor.instrument().clone().frozen();
+    let mut board = in_process(&reconstructor.spec())?;
+    let frames = SETTLE * reconstructor.lighting().count();
+    let run = Run { sensor, sensing: Sensing::Images, frames, seed, noise_free: true };
+    let mut closed = ClosedLoop::new(&frozen, &reconstructor, board.as_mut(), run, &mut |_| ())?;
+    for frame in 0..frames {
+        progress(f64::from(frame) / f64::from(frames + 4));
+        closed.step()?;
+    }
+    let mut bench = Bench::new(sensor, &reconstructor, closed.atmosphere())?;
+    let settled = f64::from(frames);
+    let calibrations = [Some(reconstructor.slopes()), reconstructor.second_slopes()];
+    let one_gate = |(gate, slopes): (usize, &SlopeCalibration)| {
+        let columns = bench.dither(gate, closed.mirror(), &mut |done| {
             progress((settled + 4.0 * done) / (settled + 4.0));
         })?;
-        let path = path_m_per_px(instrument);
         let (mut moved, mut square) = (0.0, 0.0);
         for (axis, motions) in columns.iter().enumerate() {
             let pokes = bench.pokes();
-            for ((motion, poke), gain) in motions.iter().zip(pokes).zip(&self.gain_m_per_px) {
+            for ((motion, poke), gain) in motions.iter().zip(pokes).zip(&slopes.gain_m_per_px) {
                 let [gx, gy] = gain[axis];
-                moved += 2.0 * poke * (gx * motion[0] + gy * motion[1]) / path;
+                let seen = (gx * motion[0] + gy * motion[1]) / bench.paths_m_per_px[gate];
+                moved += 2.0 * poke * seen;
                 square += (2.0 * poke).powi(2);
             }
         }
-        Ok((moved, square))
-    }
+        Ok([moved, square])
+    };
+    calibrations.into_iter().flatten().enumerate().map(one_gate).collect()
 }
 
 /// Centre-to-edge optical path of a tilt that moves a spot by one pixel, m.
 pub(crate) fn path_m_per_px(instrument: &Instrument) -> f64 {
     instrument.laser.wavelength_m / (2.0 * instrument.windows.pixels_per_lambda_d)
+}
+
+/// The same at the second gate.
+fn gate_path_m_per_px(instrument: &Instrument) -> f64 {
+    instrument.laser.wavelength_m / (2.0 * instrument.gate_pixels_per_lambda_d())
 }
 
 /// The determinant of a matrix.
@@ -194,25 +236,38 @@ struct Bench<'a> {
     board: Box<dyn Board + Send>,
     /// Frames of a cycle.
     frames: u32,
-    poke_rad: f64,
+    /// Of each gate.
+    paths_m_per_px: Vec<f64>,
+    rad_per_m: f64,
 }
 
 impl<'a> Bench<'a> {
     fn new(
         sensor: Sensor,
-        instrument: &Instrument,
         reconstructor: &Reconstructor,
         sky: &'a Atmosphere,
     ) -> Result<Self, Error> {
+        let instrument = reconstructor.instrument();
         let pupil = instrument.pupil()?;
         let imager = Imager::new(instrument, reconstructor, sensor, &pupil, sky)?;
         let board = in_process(&reconstructor.spec())?;
-        let poke_rad = POKE_PX * path_m_per_px(instrument) * instrument.rad_per_m();
-        let frames = reconstructor.lighting().count();
-        Ok(Self { sensor, pupil, sky, imager, board, frames, poke_rad })
+        let second = reconstructor.law().map(|_| gate_path_m_per_px(instrument));
+        Ok(Self {
+            sensor,
+            pupil,
+            sky,
+            imager,
+            board,
+            frames: reconstructor.lighting().count(),
+            paths_m_per_px: [Some(path_m_per_px(instrument)), second]
+                .into_iter()
+                .flatten()
+                .collect(),
+            rad_per_m: instrument.rad_per_m(),
+        })
     }
 
-    /// The poke that each spot shows, pixels: SPLASH does not see their mean.
+    /// The poke that each spot shows, pixels of its gate: SPLASH does not see their mean.
     fn pokes(&self) -> Vec<f64> {
         let mut pokes: Vec<f64> = self.signs().map(|sign| POKE_PX * sign).collect();
         if self.sensor == Sensor::Splash {
@@ -227,13 +282,15 @@ impl<'a> Bench<'a> {
         (0..self.pupil.subapertures().len()).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 })
     }
 
-    /// How far each centroid moves, pixels, from minus the pokes to plus the pokes: for pokes
+    /// How far each centroid of a gate moves, pixels, from minus the pokes to plus the pokes: for pokes
     /// along x, and along y.
     fn dither(
         &mut self,
+        gate: usize,
         shape: &Mirror,
         progress: &mut dyn FnMut(f64),
     ) -> Result<[Vec<[f64; 2]>; 2], Error> {
+        let poke_rad = POKE_PX * self.paths_m_per_px[gate] * self.rad_per_m;
         let mut moved = [Vec::new(), Vec::new()];
         for (axis, moved) in moved.iter_mut().enumerate() {
             let mut seen = Vec::new();
@@ -242,9 +299,9 @@ impl<'a> Bench<'a> {
                 let mut poked = shape.clone();
                 for (segment, sign) in poked.segments.iter_mut().zip(self.signs()) {
                     // A mirror's shape is taken off the wavefront.
-                    segment[axis + 1] -= side * sign * self.poke_rad;
+                    segment[axis + 1] -= side * sign * poke_rad;
                 }
-                seen.push(self.centroids(&poked)?);
+                seen.push(self.centroids(&poked)?.swap_remove(gate));
             }
             let pairs = seen[0].iter().zip(&seen[1]);
             *moved = pairs.map(|(plus, minus)| [plus[0] - minus[0], plus[1] - minus[1]]).collect();
@@ -252,8 +309,8 @@ impl<'a> Bench<'a> {
         Ok(moved)
     }
 
-    /// The centroids with the mirror in this shape, pixels.
-    fn centroids(&mut self, mirror: &Mirror) -> Result<Vec<[f64; 2]>, Error> {
+    /// The centroids with the mirror in this shape, pixels, of each gate.
+    fn centroids(&mut self, mirror: &Mirror) -> Result<Vec<Vec<[f64; 2]>>, Error> {
         let mut cycle = Vec::new();
         for frame in 0..self.frames {
             self.imager.light(frame);
@@ -266,6 +323,8 @@ impl<'a> Bench<'a> {
         }
         let px = 1.0 / f64::from(1u32 << CENTROID_BITS);
         let centroid = |q16: [i32; 2]| q16.map(|c| f64::from(c) * px);
-        Ok(self.board.measurements().iter().map(|m| centroid(m.centroid_q16)).collect())
+        let gates = [self.board.measurements(), self.board.second_measurements()];
+        let of = |seen: &[Measurement]| seen.iter().map(|m| centroid(m.centroid_q16)).collect();
+        Ok(gates.into_iter().take(self.paths_m_per_px.len()).map(of).collect())
     }
 }

@@ -101,7 +101,7 @@ enum Eye {
         second: Option<Box<GeometricSensor>>,
         centroids: Vec<[f64; 2]>,
         lighting: Lighting,
-        /// What the measurement of each lit spot claims.
+        /// What the measurement of each lit spot claims, one gate after the other.
         fluxes: Vec<u32>,
     },
 }
@@ -151,24 +151,19 @@ impl<'a> ClosedLoop<'a> {
             let limit = "0 with a guide star, whose light comes from one height";
             return Err(refuse("second_gate.height_m", instrument.second_gate.height_m, limit));
         }
-        let sensor = || gradients(instrument, run.sensor, &pupil, &atmosphere);
         let eye = match run.sensing {
-            Sensing::Images if two_gates => {
-                let limit = "0 with --sensing images, which has one gate";
-                return Err(refuse("second_gate.height_m", instrument.second_gate.height_m, limit));
-            }
             Sensing::Images => Eye::Images(
                 Imager::new(instrument, reconstructor, run.sensor, &pupil, &atmosphere)?.into(),
             ),
             Sensing::Geometric => Eye::Gradients {
-                sensor: sensor()?.into(),
+                sensor: gradients(instrument, run.sensor, &pupil, &atmosphere)?.into(),
                 second: match two_gates {
-                    true => Some(sensor()?.with_gate(instrument.second_gate.height_m)?.into()),
+                    true => Some(gate_gradients(instrument, &pupil, &atmosphere)?.into()),
                     false => None,
                 },
                 centroids: vec![[0.0; 2]; spots],
                 lighting: reconstructor.lighting().clone(),
-                fluxes: reconstructor.nominal_fluxes(),
+                fluxes: reconstructor.nominal_fluxes()?,
             },
         };
         let (sensing_m, science_m) =
@@ -216,7 +211,8 @@ impl<'a> ClosedLoop<'a> {
             Eye::Gradients { sensor, second, centroids, lighting, fluxes } => {
                 let observation = star();
                 let mut measurements: Vec<Measurement> = Vec::new();
-                for gate in [Some(sensor), second.as_mut()].into_iter().flatten() {
+                let gates = [Some(sensor), second.as_mut()].into_iter().flatten();
+                for (gate, fluxes) in gates.zip(fluxes.chunks(centroids.len())) {
                     gate.centroids(atmosphere, time_s, mirror, centroids);
                     let flux = |i| if lighting.lights(frame, i) { fluxes[i] } else { 0 };
                     let measured = centroids.iter().enumerate();
@@ -283,26 +279,40 @@ impl<'a> ClosedLoop<'a> {
         &self.mirror
     }
 
-    /// Exact centroids of the sensor at the time of the next step with the mirror as it is, pixels.
+    /// Exact centroids at the time of the next step with the mirror as it is, pixels: of each window, the second
+    /// gate's behind the others.
     ///
     /// # Errors
     /// As [`ClosedLoop::new`].
-    pub fn truth(&self, instrument: &Instrument) -> Result<TruthSensor, Error> {
-        let sensor = gradients(instrument, self.run.sensor, &self.pupil, &self.atmosphere)?;
-        Ok(TruthSensor { sensor, centroids: vec![[0.0; 2]; self.pupil.subapertures().len()] })
+    pub fn truth(
+        &self,
+        instrument: &Instrument,
+        reconstructor: &Reconstructor,
+    ) -> Result<TruthSensor, Error> {
+        let (pupil, atmosphere) = (&self.pupil, &self.atmosphere);
+        let mut gates = vec![gradients(instrument, self.run.sensor, pupil, atmosphere)?];
+        if reconstructor.law().is_some() {
+            gates.push(gate_gradients(instrument, pupil, atmosphere)?);
+        }
+        let windows = gates.len() * pupil.subapertures().len();
+        Ok(TruthSensor { gates, centroids: vec![[0.0; 2]; windows] })
     }
 
     /// Measures with `sensor` what the next step's frame will show.
     pub fn look<'s>(&self, sensor: &'s mut TruthSensor) -> &'s [[f64; 2]] {
         let time_s = f64::from(self.frame) * self.frame_s;
-        sensor.sensor.centroids(&self.atmosphere, time_s, &self.mirror, &mut sensor.centroids);
-        &sensor.centroids
+        let TruthSensor { gates, centroids } = sensor;
+        let each = centroids.chunks_exact_mut(self.pupil.subapertures().len());
+        for (gate, centroids) in gates.iter_mut().zip(each) {
+            gate.centroids(&self.atmosphere, time_s, &self.mirror, centroids);
+        }
+        centroids
     }
 }
 
-/// A geometric sensor beside the one in the loop.
+/// Geometric sensors beside the one in the loop.
 pub struct TruthSensor {
-    sensor: GeometricSensor,
+    gates: Vec<GeometricSensor>,
     centroids: Vec<[f64; 2]>,
 }
 
@@ -316,6 +326,19 @@ fn gradients(
     let height_m = instrument.laser.beacon_height_m;
     let scale = instrument.windows.pixels_per_lambda_d;
     let sensor = GeometricSensor::new(sensor, pupil, atmosphere, height_m, scale)?;
+    Ok(sensor.with_launch(instrument.launch()))
+}
+
+/// The exact sensor of the second one.
+fn gate_gradients(
+    instrument: &Instrument,
+    pupil: &Pupil,
+    atmosphere: &Atmosphere,
+) -> Result<GeometricSensor, Error> {
+    let height_m = instrument.laser.beacon_height_m;
+    let scale = instrument.gate_pixels_per_lambda_d();
+    let sensor = GeometricSensor::new(Sensor::Splash, pupil, atmosphere, height_m, scale)?;
+    let sensor = sensor.with_gate(instrument.second_gate.height_m)?;
     Ok(sensor.with_launch(instrument.launch()))
 }
 

@@ -21,18 +21,33 @@ pub struct Noise {
 
 /// Spots through optics onto the detector.
 pub struct Imager {
-    camera: Camera,
+    /// One a gate.
+    views: Vec<View>,
     detector: Detector,
-    /// First column and row of the image of each spot.
-    origins: Vec<[usize; 2]>,
     lighting: Lighting,
-    /// Photo-electrons of each spot that is lit.
+    /// Photo-electrons of each spot that is lit, at the first gate.
     flux_e: f32,
     /// Which spots are lit.
     lit: Vec<bool>,
-    images: Vec<f32>,
     expected_e: Vec<f32>,
     pixels: Vec<u16>,
+}
+
+/// What is seen through one gate.
+struct View {
+    camera: Camera,
+    /// First column and row of the image of each spot.
+    origins: Vec<[usize; 2]>,
+    /// A spot's light over its light at the first gate.
+    light: f32,
+    images: Vec<f32>,
+}
+
+impl View {
+    fn new(camera: Camera, origins: impl Iterator<Item = [usize; 2]>, light: f64) -> Self {
+        let images = vec![0.0; camera.spots() * camera.window().pow(2)];
+        Self { camera, origins: origins.collect(), light: light as f32, images }
+    }
 }
 
 impl Imager {
@@ -56,13 +71,21 @@ impl Imager {
         let camera = Camera::new(sensor, pupil, atmosphere, height_m, scale, field)?
             .with_launch(instrument.launch())
             .with_slab(instrument.slab()?, atmosphere)?;
+        let mut views = vec![View::new(camera, reconstructor.origins().iter().map(origin), 1.0)];
+        if let Some(origins) = reconstructor.second_origins()
+            && let Some(gate) = instrument.gate()?
+        {
+            let (scale, size) = (instrument.gate_pixels_per_lambda_d(), instrument.windows.size);
+            let camera = Camera::at_gate(pupil, atmosphere, &gate, scale, size)?
+                .with_launch(instrument.launch());
+            let origins = origins.iter().map(|window| window.map(usize::from));
+            views.push(View::new(camera, origins, instrument.gate_light()?));
+        }
         let detector = reconstructor.detector().clone();
         let pixels = detector.spec().width * detector.spec().height;
         let mut imager = Self {
-            images: vec![0.0; camera.spots() * field * field],
-            camera,
+            views,
             detector,
-            origins: reconstructor.origins().iter().map(origin).collect(),
             flux_e: reconstructor.lighting().electrons(0) as f32,
             lit: vec![true; reconstructor.lighting().colours().len()],
             lighting: reconstructor.lighting().clone(),
@@ -76,17 +99,17 @@ impl Imager {
     /// Lights the spots that a schedule lights in frame `frame`, until told otherwise; those of the first
     /// frame before the first call.
     pub fn light(&mut self, frame: u32) {
-        let Self { lighting, lit, flux_e, camera, .. } = self;
+        let Self { lighting, lit, flux_e, views, .. } = self;
         if lighting.count() > 1 {
             lit.iter_mut().enumerate().for_each(|(i, lit)| *lit = lighting.lights(frame, i));
-            camera.light(lit);
+            views.iter_mut().for_each(|view| view.camera.light(lit));
             *flux_e = lighting.electrons(frame) as f32;
         }
     }
 
     /// Leaves only this part of the mirror in the return path of SPLASH's spots.
     pub fn return_through(&mut self, part: f32) {
-        self.camera.return_through(part);
+        self.views.iter_mut().for_each(|view| view.camera.return_through(part));
     }
 
     /// Exposes and reads a frame, ADU, row-major; without `noise`, its expectation.
@@ -100,14 +123,17 @@ impl Imager {
         mirror: &Mirror,
         noise: Option<Noise>,
     ) -> Result<&[u16], Error> {
-        let Self { camera, detector, origins, flux_e, lit, images, expected_e, pixels, .. } = self;
-        camera.expose(atmosphere, time_s, mirror, images);
-        let area = camera.window().pow(2);
-        for (image, _) in images.chunks_exact_mut(area).zip(lit).filter(|(_, lit)| !**lit) {
-            image.fill(0.0);
-        }
+        let Self { views, detector, flux_e, lit, expected_e, pixels, .. } = self;
         expected_e.fill(0.0);
-        place(images, *flux_e, origins, camera.window(), detector.spec().width, expected_e)?;
+        for View { camera, origins, light, images } in views {
+            camera.expose(atmosphere, time_s, mirror, images);
+            let area = camera.window().pow(2);
+            for (image, _) in images.chunks_exact_mut(area).zip(&*lit).filter(|(_, lit)| !**lit) {
+                image.fill(0.0);
+            }
+            let width = detector.spec().width;
+            place(images, *flux_e * *light, origins, camera.window(), width, expected_e)?;
+        }
         match noise {
             Some(Noise { seed, frame }) => detector.read(expected_e, frame, seed, pixels)?,
             None => detector.read_noise_free(expected_e, pixels)?,

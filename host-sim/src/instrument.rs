@@ -7,6 +7,7 @@
 mod beacon;
 mod limits;
 mod schedule;
+mod second_gate;
 mod windows;
 
 use crate::atmosphere::Layer;
@@ -192,8 +193,11 @@ pub enum PhotonNumberName {
 #[allow(missing_docs, reason = "documented once, in the default file that users read")]
 pub struct SecondGate {
     pub height_m: f64,
+    pub depth_m: f64,
+    pub electrons_per_spot: f64,
+    pub pixels_per_lambda_d: f64,
     pub modes: usize,
-    pub slope_noise_rad: f64,
+    pub slope_noise_rad: [f64; 2],
     pub layers: Vec<ExpectedLayer>,
 }
 
@@ -660,15 +664,10 @@ impl Instrument {
         match self.has_second_gate() {
             false => Ok(self),
             true => {
-                let limit = "0 here; two gates are for host-sim gates and loop --sensing geometric";
+                let limit = "0 here; two gates are for host-sim gates, loop, frames and replay";
                 Err(refuse("second_gate.height_m", self.second_gate.height_m, limit))
             }
         }
-    }
-
-    /// Whether spots are imaged at a second height, and something is made of it.
-    pub fn has_second_gate(&self) -> bool {
-        self.second_gate.height_m > 0.0 && self.second_gate.modes > 0
     }
 
     /// Time from one frame to the next, s.

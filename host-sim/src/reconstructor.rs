@@ -54,6 +54,8 @@ struct SecondGate {
     law: Combination,
     origins: Vec<[u16; 2]>,
     slopes: SlopeCalibration,
+    /// Least and greatest flux of each subaperture's valid measurements, calibrated ADU.
+    flux_limits_adu: [Vec<f64>; 2],
 }
 
 /// What is known of each pixel, row-major.
@@ -115,15 +117,41 @@ impl Reconstructor {
         let SecondGateSection { height_m, modes, slope_noise_rad, .. } = instrument.second_gate;
         let purpose = Purpose::of(instrument, height_m, slope_noise_rad);
         let design = Design::new(&instrument.pupil()?, &purpose, modes, progress)?;
+        self.combining_gates(Combination::from(&design))
+    }
+
+    /// With the second gate of the description and this law. Slopes are those of an ideal sensor.
+    ///
+    /// # Errors
+    /// As [`Reconstructor::new`].
+    pub fn combining_gates(self, law: Combination) -> Result<Self, Error> {
+        let instrument = &self.instrument;
+        let light = instrument.gate_light()?;
         let side = instrument.detector_side();
         let second = SecondGate {
-            law: Combination::from(&design),
+            law,
             // At most 4096 rows: both fit in 16 bits.
             origins: self.origins.iter().map(|&[x, y]| [x, y + side as u16]).collect(),
-            slopes: SlopeCalibration::ideal(instrument, self.mask.count()),
+            slopes: SlopeCalibration::ideal_at_gate(instrument, self.mask.count()),
+            flux_limits_adu: self
+                .flux_limits_adu
+                .each_ref()
+                .map(|limits| limits.iter().map(|limit| light * limit).collect()),
         };
         let (detector, maps) = detector(instrument, 2 * side)?;
         Ok(Self { detector, second: Some(second), ..self }.with_pixels(maps))
+    }
+
+    /// For an instrument whose commands reach the mirror at the end of the exposure.
+    #[must_use]
+    pub fn without_delay(mut self) -> Self {
+        self.instrument.control.delay_frames = 0;
+        self
+    }
+
+    /// The instrument.
+    pub fn instrument(&self) -> &Instrument {
+        &self.instrument
     }
 
     /// The law that combines two gates; `None` for one.
@@ -139,6 +167,11 @@ impl Reconstructor {
     /// First column and row of each window.
     pub fn origins(&self) -> &[[u16; 2]] {
         &self.origins
+    }
+
+    /// Those of the second gate; `None` for one.
+    pub fn second_origins(&self) -> Option<&[[u16; 2]]> {
+        self.second.as_ref().map(|second| second.origins.as_slice())
     }
 
     /// The mask of subapertures.
@@ -165,6 +198,20 @@ impl Reconstructor {
         Self { slopes, ..self }
     }
 
+    /// With these reference slopes and gains of the second gate, if there is one.
+    #[must_use]
+    pub fn with_second_slopes(mut self, slopes: SlopeCalibration) -> Self {
+        if let Some(second) = &mut self.second {
+            second.slopes = slopes;
+        }
+        self
+    }
+
+    /// Those of the second gate; `None` for one.
+    pub fn second_slopes(&self) -> Option<&SlopeCalibration> {
+        self.second.as_ref().map(|second| &second.slopes)
+    }
+
     /// Reference slopes and gains in use.
     pub fn slopes(&self) -> &SlopeCalibration {
         &self.slopes
@@ -175,11 +222,22 @@ impl Reconstructor {
         &self.lighting
     }
 
-    /// The flux of each whole spot in the frames that light it, calibrated ADU: what a measurement made
-    /// without images claims.
-    pub fn nominal_fluxes(&self) -> Vec<u32> {
+    /// The flux of each whole spot in the frames that light it, calibrated ADU, one gate after the other: what a
+    /// measurement made without images claims.
+    ///
+    /// # Errors
+    /// As [`Reconstructor::with_second_gate`].
+    pub fn nominal_fluxes(&self) -> Result<Vec<u32>, Error> {
         let gain = self.instrument.detector.gain_e_per_adu;
-        self.lighting.electrons_per_spot().map(|electrons| (electrons / gain) as u32).collect()
+        let gates = match self.second {
+            Some(_) => vec![1.0, self.instrument.gate_light()?],
+            None => vec![1.0],
+        };
+        let of_gate = |light: f64| {
+            let spots = self.lighting.electrons_per_spot();
+            spots.map(move |electrons| (light * electrons / gain) as u32)
+        };
+        Ok(gates.into_iter().flat_map(of_gate).collect())
     }
 
     /// The firmware's specification.
@@ -237,8 +295,8 @@ impl Reconstructor {
                 origins: &second.origins,
                 reference_px: Map::Each(&second.slopes.reference_px),
                 gain_m_per_px: Map::Each(&second.slopes.gain_m_per_px),
-                flux_min_adu: Map::Each(&self.flux_limits_adu[0]),
-                flux_max_adu: Map::Each(&self.flux_limits_adu[1]),
+                flux_min_adu: Map::Each(&second.flux_limits_adu[0]),
+                flux_max_adu: Map::Each(&second.flux_limits_adu[1]),
                 modes: &second.law.modes,
                 coupling: &second.law.coupling,
             }),

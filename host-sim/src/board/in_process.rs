@@ -235,8 +235,16 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Board
         self.controller.pipeline().measurements()
     }
 
+    fn second_measurements(&self) -> &[Measurement] {
+        self.controller.pipeline().second_measurements()
+    }
+
     fn slopes(&self) -> &[Slope] {
         self.controller.pipeline().slopes()
+    }
+
+    fn second_slopes(&self) -> &[Slope] {
+        self.controller.pipeline().second_slopes()
     }
 
     fn positions(&self) -> &[Position] {

@@ -124,11 +124,19 @@ impl Board for Remote {
     }
 
     fn measurements(&self) -> &[Measurement] {
-        &self.state.measurements
+        self.state.measurements.get(..self.subapertures).unwrap_or_default()
+    }
+
+    fn second_measurements(&self) -> &[Measurement] {
+        self.state.measurements.get(self.subapertures..).unwrap_or_default()
     }
 
     fn slopes(&self) -> &[Slope] {
-        &self.state.slopes
+        self.state.slopes.get(..self.subapertures).unwrap_or_default()
+    }
+
+    fn second_slopes(&self) -> &[Slope] {
+        self.state.slopes.get(self.subapertures..).unwrap_or_default()
     }
 
     fn positions(&self) -> &[Position] {

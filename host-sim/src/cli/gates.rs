@@ -37,9 +37,16 @@ pub struct GatesArgs {
     )]
     pub(crate) screens: u32,
     /// Rms noise of a slope, for each gate, axis and frame, rad of phase at the laser's wavelength from edge to edge of a
-    /// subaperture; the combination is made for it [default: the description's, 0]
-    #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
-    pub(crate) slope_noise: Option<f64>,
+    /// subaperture: of both gates, or of the beacon's and of the second one; the combination is made for it [default:
+    /// the description's, 0,0]
+    #[arg(
+        long,
+        value_name = "RAD",
+        num_args = 1..=2,
+        value_delimiter = ',',
+        allow_negative_numbers = true
+    )]
+    pub(crate) slope_noise: Vec<f64>,
     /// Moving screens: pitches per frame, of every layer in its direction [default: frozen screens]
     #[arg(long, value_name = "PITCHES", allow_negative_numbers = true)]
     pub(crate) wind: Option<f64>,

@@ -12,6 +12,7 @@ use crate::optics::long_exposure::LongExposure;
 use crate::reconstructor::Reconstructor;
 use crate::summary::{CodeDigest, Series, faults};
 use serde::Serialize;
+use splash_firmware::centroid::Measurement;
 use splash_firmware::fixed::CENTROID_BITS;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -52,11 +53,11 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
         let limit = format!("less than --frames = {}", args.run.frames);
         return Err(refuse("--settle", settle, &limit));
     }
+    let reconstructor = progress::combine_gates(reconstructor)?;
     let reconstructor = match args.sensing {
-        Sensing::Images => reconstructor.with_slopes(progress::calibrate(sensor, &instrument)?),
+        Sensing::Images => progress::calibrate(sensor, reconstructor)?,
         Sensing::Geometric => reconstructor,
     };
-    let reconstructor = progress::combine_gates(reconstructor)?;
     let options = args.patience.options(false);
     let mut board = args.board.open(&reconstructor.spec(), options)?;
     let run = Run {
@@ -185,7 +186,7 @@ impl Files {
         let cube = |name: &str| FitsWriter::create(directory.join(name));
         let segments = reconstructor.mask().count();
         let side = instrument.telescope.subapertures * instrument.telescope.samples;
-        let detector = instrument.detector_side();
+        let detector = reconstructor.detector().spec();
         let frames = match run.sensing {
             Sensing::Geometric => {
                 // What a run with images left here is not of this one. It need not be there.
@@ -196,7 +197,8 @@ impl Files {
             }
             Sensing::Images => {
                 let last = header("ADU").with("CONTENT", "last frames of the run", "");
-                Some(cube("frames.fits")?.cube("FRAMES", [detector, detector], &last)?)
+                let shape = [detector.width, detector.height];
+                Some(cube("frames.fits")?.cube("FRAMES", shape, &last)?)
             }
         };
         Ok(Self {
@@ -275,30 +277,15 @@ fn draw(
 ) -> Result<(), Error> {
     let at = |name: &str| directory.join(name);
     let pupil = closed.pupil();
-    let (side, window) = (instrument.detector_side(), instrument.windows.size);
-    let marks: Vec<WindowMark> = reconstructor
-        .origins()
-        .iter()
-        .zip(closed.board().measurements())
-        .zip(closed.board().slopes())
-        .map(|((&[x0, y0], measurement), slope)| {
-            let centre = (window as f64 - 1.0) / 2.0;
-            let place = |origin: u16, c: i32| {
-                f64::from(origin) + centre + f64::from(c) / f64::from(1u32 << CENTROID_BITS)
-            };
-            let [cx, cy] = measurement.centroid_q16;
-            WindowMark {
-                x0: usize::from(x0),
-                y0: usize::from(y0),
-                size: window,
-                centroid: slope.valid.then(|| [place(x0, cx), place(y0, cy)]),
-                valid: slope.valid,
-            }
-        })
-        .collect();
     if !closed.pixels().is_empty() {
-        let title = "last detector frame (ADU), windows and centroids";
-        figures::detector_frame(at("detector.svg"), closed.pixels(), side, side, &marks, title)?;
+        let detector = reconstructor.detector().spec();
+        let [width, height] = [detector.width, detector.height];
+        let marks = window_marks(closed, reconstructor, instrument.windows.size);
+        let title = match reconstructor.law() {
+            None => "last detector frame (ADU), windows and centroids",
+            Some(_) => "last frame (ADU), windows and centroids; second gate below",
+        };
+        figures::detector_frame(at("detector.svg"), closed.pixels(), width, height, &marks, title)?;
     }
     let across = pupil.across();
     let mut pistons = vec![None; across * across];
@@ -319,6 +306,34 @@ fn draw(
     let title = "Strehl ratio, piston, tip and tilt removed";
     figures::strehl_series(at("strehl.svg"), times, &series.strehl, &running, settle_s, title)?;
     Ok(())
+}
+
+/// The windows of each gate with what was measured in them.
+fn window_marks(
+    closed: &ClosedLoop<'_>,
+    reconstructor: &Reconstructor,
+    size: usize,
+) -> Vec<WindowMark> {
+    let board = closed.board();
+    let origins = [reconstructor.origins(), reconstructor.second_origins().unwrap_or_default()];
+    let measured = [board.measurements(), board.second_measurements()];
+    let valid = board.slopes().iter().chain(board.second_slopes()).map(|slope| slope.valid);
+    let windows = origins.into_iter().flatten().zip(measured.into_iter().flatten());
+    let centre = (size as f64 - 1.0) / 2.0;
+    let mark = |((&[x0, y0], measurement), valid): ((&[u16; 2], &Measurement), bool)| {
+        let place = |origin: u16, c: i32| {
+            f64::from(origin) + centre + f64::from(c) / f64::from(1u32 << CENTROID_BITS)
+        };
+        let [cx, cy] = measurement.centroid_q16;
+        WindowMark {
+            x0: usize::from(x0),
+            y0: usize::from(y0),
+            size,
+            centroid: valid.then(|| [place(x0, cx), place(y0, cy)]),
+            valid,
+        }
+    };
+    windows.zip(valid).map(mark).collect()
 }
 
 /// The long exposure, and the same as FITS.

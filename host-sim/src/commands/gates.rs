@@ -28,7 +28,8 @@ struct Measured {
 /// How it was run.
 struct Terms {
     gate_height_m: f64,
-    noise_rad: f64,
+    /// Of the gate at H and of the second one.
+    noise_rad: [f64; 2],
     screens: u32,
     seed: u64,
 }
@@ -83,8 +84,10 @@ pub fn run(args: &GatesArgs) -> Result<(), Error> {
 fn description(args: &GatesArgs) -> Result<Instrument, Error> {
     let mut description = args.description.load()?;
     set_wind(&mut description, args.wind.unwrap_or(0.0))?;
-    if let Some(noise_rad) = args.slope_noise {
-        description.second_gate.slope_noise_rad = noise_rad;
+    match args.slope_noise[..] {
+        [both] => description.second_gate.slope_noise_rad = [both; 2],
+        [first, second] => description.second_gate.slope_noise_rad = [first, second],
+        _ => {}
     }
     description.check()?;
     Ok(description)

@@ -1,7 +1,7 @@
 //! Progress bars on stderr; invisible where there is no terminal.
 
 use crate::board::Board;
-use crate::calibration::SlopeCalibration;
+use crate::calibration::calibrated;
 use crate::closed_loop::{ClosedLoop, Run};
 use crate::error::Error;
 use crate::instrument::Instrument;
@@ -36,15 +36,15 @@ pub(super) fn fraction(what: &'static str) -> (ProgressBar, impl FnMut(f64)) {
     (progress, move |done: f64| moved.set_position((100.0 * done) as u64))
 }
 
-/// Measures the slope calibration of a sensor's images behind a bar.
+/// Measures the slope calibration of a sensor's images, at each gate, behind a bar.
 pub(super) fn calibrate(
     sensor: Sensor,
-    instrument: &Instrument,
-) -> Result<SlopeCalibration, Error> {
+    reconstructor: Reconstructor,
+) -> Result<Reconstructor, Error> {
     let (bar, mut progress) = fraction("calibration");
-    let slopes = SlopeCalibration::of(sensor, instrument, &mut progress)?;
+    let reconstructor = calibrated(sensor, reconstructor, &mut progress)?;
     bar.finish_and_clear();
-    Ok(slopes)
+    Ok(reconstructor)
 }
 
 /// Designs what is made of a second gate, if there is one, behind a bar.

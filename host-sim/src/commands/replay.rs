@@ -1,5 +1,6 @@
 //! `host-sim replay`: recorded frames through the firmware library.
 
+use super::frames::{CALIBRATIONS, COUPLING, LEVER_ARM, MODES};
 use super::{output, progress};
 use crate::board::{Frame, in_process, operate};
 use crate::calibration::SlopeCalibration;
@@ -8,6 +9,7 @@ use crate::error::{Error, refuse};
 use crate::files::csv::SeriesWriter;
 use crate::files::fits::{FitsError, FitsReader, FitsWriter};
 use crate::instrument::Instrument;
+use crate::range_diversity::law::Law;
 use crate::reconstructor::Reconstructor;
 use crate::summary::{CodeDigest, faults};
 use serde::Serialize;
@@ -39,17 +41,16 @@ pub fn run(args: &ReplayArgs) -> Result<(), Error> {
         }
     };
     instrument.check()?;
-    let subapertures = instrument.mask()?.count();
-    let slopes = slopes(&mut file, &name, subapertures)?;
-    let reconstructor = Reconstructor::new(&instrument)?.with_slopes(slopes);
+    let reconstructor = calibrated(&mut file, &name, Reconstructor::new(&instrument)?)?;
     let mut board = in_process(&reconstructor.spec())?;
     let recorded = file.hdus().first().and_then(|hdu| hdu.header.text("SEED"));
     let seed = recorded.and_then(|seed| seed.parse().ok()).unwrap_or(0);
     let mut cube = file.cube::<u16>(0).map_err(unusable)?;
-    let side = instrument.detector_side();
+    let detector = reconstructor.detector().spec();
+    let [width, height] = [detector.width, detector.height];
     let [columns, rows] = cube.frame_shape();
-    if [columns, rows] != [side, side] {
-        let limit = format!("the configuration's {side} x {side} pixels");
+    if [columns, rows] != [width, height] {
+        let limit = format!("the configuration's {width} x {height} pixels");
         return Err(refuse(
             &format!("{name}: frame"),
             format!("{columns} x {rows} pixels"),
@@ -82,7 +83,7 @@ pub fn run(args: &ReplayArgs) -> Result<(), Error> {
     let mut series = SeriesWriter::create(directory.join("commands.csv"), &columns)?;
     let mut digest = CodeDigest::default();
     let total = cube.frames();
-    let mut pixels = vec![0; side * side];
+    let mut pixels = vec![0; width * height];
     let bar = progress::bar(total as u64, "replay", "frames");
     let px = 1.0 / f64::from(1u32 << CENTROID_BITS);
     let nm = 1e9 * board.ulp_m();
@@ -125,27 +126,46 @@ pub fn run(args: &ReplayArgs) -> Result<(), Error> {
     )
 }
 
-/// The slope calibration recorded in the file: measured again on another machine, it could differ
-/// in its last bits.
-fn slopes(
+/// With the calibration recorded in the file, of each gate, and the law of two: found again on another machine, they
+/// could differ in their last bits.
+fn calibrated(
     file: &mut FitsReader,
     name: &str,
-    subapertures: usize,
-) -> Result<SlopeCalibration, Error> {
+    reconstructor: Reconstructor,
+) -> Result<Reconstructor, Error> {
+    let subapertures = reconstructor.mask().count();
+    let unusable = |error: FitsError| Error::Config(error.to_string());
     let mut read = |array: &str, shape: &[usize]| {
-        let unusable = |error: FitsError| Error::Config(error.to_string());
         let place = file.find(array).map_err(unusable)?;
         let (found, values) = file.image::<f64>(place).map_err(unusable)?;
         if found != shape {
-            let limit = format!("{shape:?}, one a subaperture of the configuration");
+            let limit = format!("{shape:?}, as the configuration asks for");
             return Err(refuse(&format!("{name}[{array}]: axes"), format!("{found:?}"), &limit));
         }
         Ok(values)
     };
-    let reference = read("REFERENCE", &[2, subapertures])?;
-    let gain = read("GAIN", &[2, 2, subapertures])?;
-    Ok(SlopeCalibration {
-        reference_px: reference.as_chunks().0.to_vec(),
-        gain_m_per_px: gain.as_chunks().0.as_chunks().0.to_vec(),
-    })
+    let mut slopes = |[reference, gain]: [&str; 2]| {
+        let reference = read(reference, &[2, subapertures])?;
+        let gain = read(gain, &[2, 2, subapertures])?;
+        Ok::<_, Error>(SlopeCalibration {
+            reference_px: reference.as_chunks().0.to_vec(),
+            gain_m_per_px: gain.as_chunks().0.as_chunks().0.to_vec(),
+        })
+    };
+    let [first, second] = CALIBRATIONS;
+    let first = slopes(first)?;
+    let instrument = reconstructor.instrument();
+    if !instrument.has_second_gate() {
+        return Ok(reconstructor.with_slopes(first));
+    }
+    let (count, second) = (instrument.second_gate.modes, slopes(second)?);
+    let modes = read(MODES, &[2, subapertures, count])?;
+    let coupling = read(COUPLING, &[2 * count, count])?;
+    let place = file.find(MODES).map_err(unusable)?;
+    let factor = file.hdus().get(place).and_then(|hdu| hdu.header.float(LEVER_ARM));
+    let lever_arm = factor.ok_or_else(|| {
+        refuse(&format!("{name}[{MODES}]: {LEVER_ARM}"), "missing", "the law's factor f")
+    })?;
+    let law = Law { lever_arm, modes: modes.as_chunks().0.to_vec(), coupling };
+    Ok(reconstructor.combining_gates(law)?.with_slopes(first).with_second_slopes(second))
 }

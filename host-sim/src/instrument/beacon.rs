@@ -40,20 +40,7 @@ impl Instrument {
     /// # Errors
     /// [`Error::Config`] for a slab that cannot be.
     pub fn slab(&self) -> Result<Slab, Error> {
-        let laser = &self.laser;
-        let (focus_m, depth_m) = (laser.beacon_height_m, laser.gate_depth_m);
-        if laser.slices == 1 {
-            return Ok(Slab::sheet(focus_m));
-        }
-        let (pitch_m, wavelength_m) = (self.telescope.pitch_m, laser.wavelength_m);
-        let diameter_m = self.telescope.subapertures as f64 * pitch_m;
-        let count = match laser.slices {
-            0 => Slab::slices_needed(focus_m, depth_m, wavelength_m, pitch_m, diameter_m),
-            count => count,
-        };
-        let scatterer = self.scatterer();
-        let density = |height_m| scatterer.backscatter_per_m_sr(height_m, wavelength_m);
-        Ok(Slab::gated(focus_m, depth_m, wavelength_m, count, density)?)
+        self.slab_about(self.laser.beacon_height_m, self.laser.gate_depth_m)
     }
 
     /// Photo-electrons per spot and frame, of a subaperture that is lit all over.

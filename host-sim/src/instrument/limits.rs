@@ -141,7 +141,9 @@ impl Instrument {
         if !Modes::COUNTS.contains(&second_gate.modes) {
             return Err(refuse("second_gate.modes", second_gate.modes, "0, 12 or 25"));
         }
-        within("second_gate.slope_noise_rad", second_gate.slope_noise_rad, 0.0, 100.0)?;
+        for (index, noise_rad) in second_gate.slope_noise_rad.into_iter().enumerate() {
+            within(&format!("second_gate.slope_noise_rad[{index}]"), noise_rad, 0.0, 100.0)?;
+        }
         for (index, layer) in second_gate.layers.iter().enumerate() {
             let check = |field: &str, value, from, to| {
                 within(&format!("second_gate.layers[{index}].{field}"), value, from, to)
@@ -149,7 +151,15 @@ impl Instrument {
             check("weight", layer.weight, 1e-6, 1e9)?;
             check("height_m", layer.height_m, 0.0, 0.999 * laser.beacon_height_m)?;
         }
-        Ok(())
+        within("second_gate.electrons_per_spot", second_gate.electrons_per_spot, 0.0, 1e9)?;
+        within("second_gate.pixels_per_lambda_d", second_gate.pixels_per_lambda_d, 0.0, 8.0)?;
+        if !self.has_second_gate() {
+            return Ok(());
+        }
+        within("second_gate.depth_m", second_gate.depth_m, 1e-3, second_gate.height_m)?;
+        let electrons = self.electrons_per_spot()? * self.gate_light()?;
+        let name = "second_gate.electrons_per_spot: photo-electrons per spot and frame";
+        within(name, electrons, 1e-3, 1e9)
     }
 
     /// Detector and windows.

@@ -26,9 +26,9 @@ pub(crate) fn upload(image: &[u8]) -> impl Iterator<Item = Request> + '_ {
 pub struct State {
     /// DAC codes of each segment's actuators.
     pub codes: Vec<[u16; 3]>,
-    /// Measurements of the last frame.
+    /// Measurements of the last frame: of all windows, the second gate's behind the others.
     pub measurements: Vec<Measurement>,
-    /// Slopes of the last frame.
+    /// Slopes of the last frame, in the same order.
     pub slopes: Vec<Slope>,
     /// Positions of the segments.
     pub positions: Vec<Position>,
@@ -163,15 +163,18 @@ impl State {
 
     /// Whether all of it came.
     fn check(&self, subapertures: usize) -> Result<(), Failure> {
+        // With a second gate there are two windows a subaperture.
+        let both = self.measurements.len() == 2 * subapertures;
+        let windows = if both { 2 * subapertures } else { subapertures };
         let lists = [
-            ("codes", self.codes.len()),
-            ("measurements", self.measurements.len()),
-            ("slopes", self.slopes.len()),
-            ("positions", self.positions.len()),
+            ("codes", self.codes.len(), subapertures),
+            ("measurements", self.measurements.len(), windows),
+            ("slopes", self.slopes.len(), windows),
+            ("positions", self.positions.len(), subapertures),
         ];
-        match lists.into_iter().find(|&(_, found)| found != subapertures) {
-            Some((what, found)) => {
-                Err(Failure::Answer(format!("{found} {what}: must be {subapertures}")))
+        match lists.into_iter().find(|(_, found, due)| found != due) {
+            Some((what, found, due)) => {
+                Err(Failure::Answer(format!("{found} {what}: must be {due}")))
             }
             None => Ok(()),
         }

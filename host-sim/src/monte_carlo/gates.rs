@@ -3,7 +3,7 @@
 //! Every contender closes a loop of its own. A geometric sensor takes the mirror's tips and tilts off what it sees with
 //! a flat mirror, so each gate and each guide star is looked through once a frame, whoever follows it; and once for
 //! all under a sky that stands still. Slopes may have noise: a normal deviate for each slope, gate and frame, the
-//! same for all contenders that look through the gate.
+//! same for all contenders that look through the gate; guide stars have as much as the gate at H.
 //!
 //! Residual variance, rad^2, in the paper's setting (d = r0, 40 % of the turbulence at a quarter of the beacon's height,
 //! frozen screens, seed 1, 60 screens, 30 for N = 32), the second gate at half the beacon's height:
@@ -71,8 +71,8 @@ pub struct Contest<'a> {
     point: &'a Point,
     contenders: &'a [Contender],
     gate_height_m: f64,
-    /// Rms noise of a slope, rad from one edge of a subaperture to the other.
-    noise_rad: f64,
+    /// Rms noise of a slope of the gate at H and of the second one, rad from one edge of a subaperture to the other.
+    noise_rad: [f64; 2],
     turbulence: Turbulence,
 }
 
@@ -94,7 +94,7 @@ impl<'a> Contest<'a> {
         point: &'a Point,
         contenders: &'a [Contender],
         gate_height_m: f64,
-        noise_rad: f64,
+        noise_rad: [f64; 2],
     ) -> Result<Self, Error> {
         let (instrument, pupil) = (point.instrument(), point.pupil());
         let turbulence = instrument.turbulence(pupil, point.duration_s())?;
@@ -119,7 +119,7 @@ impl<'a> Contest<'a> {
         };
         let mut loops: Vec<SlopeControl> = self.contenders.iter().map(controller).collect();
         let mut sums = vec![Sum::default(); loops.len()];
-        let averaged = match self.noise_rad > 0.0 {
+        let averaged = match self.noise_rad != [0.0; 2] {
             true => point.conditions().settle..point.frames(),
             false => point.averaged(),
         };
@@ -130,7 +130,7 @@ impl<'a> Contest<'a> {
             if frame == 0 || !point.still() {
                 slopes.look(&atmosphere, time_s);
             }
-            let noises = [0; 4].map(|_| noise.draw(fitted.segments.len()));
+            let noises = [0, 1, 0, 0].map(|gate| noise.draw(gate, fitted.segments.len()));
             let observed = averaged.contains(&frame);
             for ((contender, control), sum) in self.contenders.iter().zip(&mut loops).zip(&mut sums)
             {
@@ -204,22 +204,23 @@ impl Slopes {
 /// Normal deviates.
 struct Noise {
     random: Xoshiro256PlusPlus,
-    /// Rms from centre to edge, rad.
-    rms: f64,
+    /// Rms of each gate from centre to edge, rad.
+    rms: [f64; 2],
 }
 
 impl Noise {
-    fn new(seed: u64, noise_rad: f64) -> Self {
+    fn new(seed: u64, noise_rad: [f64; 2]) -> Self {
         // Another stream than that of the screens.
         let random = Xoshiro256PlusPlus::seed_from_u64(seed ^ 0x6e6f_6973_6520_6f66);
-        Self { random, rms: 0.5 * noise_rad }
+        Self { random, rms: noise_rad.map(|rms| 0.5 * rms) }
     }
 
-    fn draw(&mut self, count: usize) -> Tilts {
-        if self.rms == 0.0 {
+    fn draw(&mut self, gate: usize, count: usize) -> Tilts {
+        if self.rms == [0.0; 2] {
             return vec![[0.0; 2]; count];
         }
+        let rms = self.rms[gate];
         let mut one = || -> f64 { StandardNormal.sample(&mut self.random) };
-        (0..count).map(|_| [0; 2].map(|_| self.rms * one())).collect()
+        (0..count).map(|_| [0; 2].map(|_| rms * one())).collect()
     }
 }

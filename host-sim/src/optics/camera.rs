@@ -1,6 +1,7 @@
 //! The camera of any sensor.
 
 use super::OpticsError;
+use super::gate_image::{Gate, GateCamera};
 use super::geometric::Sensor;
 use super::launch::Launch;
 use super::slab::Slab;
@@ -13,6 +14,8 @@ use crate::pupil::{Mirror, Pupil};
 pub enum Camera {
     /// Spots through the subaperture and back through the whole telescope.
     Splash(Box<SplashCamera>),
+    /// The same spots on their way.
+    SecondGate(Box<GateCamera>),
     /// A guide star through each subaperture.
     Subapertures(Box<SubapertureCamera>),
 }
@@ -46,22 +49,40 @@ impl Camera {
         })
     }
 
+    /// The camera of a second gate: [`GateCamera::new`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn at_gate(
+        pupil: &Pupil,
+        atmosphere: &Atmosphere,
+        gate: &Gate,
+        pixels_per_lambda_d: f64,
+        window: usize,
+    ) -> Result<Self, OpticsError> {
+        let camera = GateCamera::new(pupil, atmosphere, gate, pixels_per_lambda_d, window)?;
+        Ok(Self::SecondGate(camera.into()))
+    }
+
     /// The same camera with beams of this shape; guide stars have none of them.
     #[must_use]
     pub fn with_launch(self, launch: Launch) -> Self {
         match self {
             Self::Splash(camera) => Self::Splash(Box::new(camera.with_launch(launch))),
+            Self::SecondGate(camera) => Self::SecondGate(Box::new(camera.with_launch(launch))),
             Self::Subapertures(_) => self,
         }
     }
 
-    /// The same camera with its beacon's light from this slab; a natural star has none.
+    /// The same camera with its beacon's light from this slab; a natural star has none, and a second gate has its
+    /// own.
     ///
     /// # Errors
     /// As [`SplashCamera::with_slab`].
     pub fn with_slab(self, slab: Slab, atmosphere: &Atmosphere) -> Result<Self, OpticsError> {
         Ok(match self {
             Self::Splash(camera) => Self::Splash(camera.with_slab(slab, atmosphere)?.into()),
+            Self::SecondGate(_) => self,
             Self::Subapertures(camera) => {
                 Self::Subapertures(camera.with_slab(slab, atmosphere)?.into())
             }
@@ -72,6 +93,7 @@ impl Camera {
     pub fn window(&self) -> usize {
         match self {
             Self::Splash(camera) => camera.window(),
+            Self::SecondGate(camera) => camera.window(),
             Self::Subapertures(camera) => camera.window(),
         }
     }
@@ -80,31 +102,33 @@ impl Camera {
     pub fn spots(&self) -> usize {
         match self {
             Self::Splash(camera) => camera.spots(),
+            Self::SecondGate(camera) => camera.spots(),
             Self::Subapertures(camera) => camera.spots(),
         }
     }
 
     /// Whose images to make, one a spot; the others are left as they are. All, until told otherwise; those of
-    /// a guide star are made at once.
+    /// a guide star, and of a second gate, are made at once.
     pub fn light(&mut self, lit: &[bool]) {
         match self {
             Self::Splash(camera) => camera.light(lit),
-            Self::Subapertures(_) => {}
+            Self::SecondGate(_) | Self::Subapertures(_) => {}
         }
     }
 
-    /// See [`SplashCamera::return_through`]; light of guide stars comes in by one way only.
+    /// See [`SplashCamera::return_through`]; light of guide stars comes in by one way only, and a second gate is
+    /// always seen through all of the mirror.
     pub fn return_through(&mut self, part: f32) {
         match self {
             Self::Splash(camera) => camera.return_through(part),
-            Self::Subapertures(_) => {}
+            Self::SecondGate(_) | Self::Subapertures(_) => {}
         }
     }
 
     /// The images, `[subaperture][row][column]`, as fractions of each subaperture's light.
     ///
     /// # Panics
-    /// As [`SplashCamera::expose`] and [`SubapertureCamera::expose`].
+    /// As [`SplashCamera::expose`], [`GateCamera::expose`] and [`SubapertureCamera::expose`].
     pub fn expose(
         &mut self,
         atmosphere: &Atmosphere,
@@ -114,6 +138,7 @@ impl Camera {
     ) {
         match self {
             Self::Splash(camera) => camera.expose(atmosphere, time_s, mirror, images),
+            Self::SecondGate(camera) => camera.expose(atmosphere, time_s, mirror, images),
             Self::Subapertures(camera) => camera.expose(atmosphere, time_s, mirror, images),
         }
     }

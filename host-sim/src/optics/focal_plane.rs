@@ -57,7 +57,8 @@ impl FocalPlane {
         Ok(Self::new(samples, window, pixels_per_lambda_d))
     }
 
-    fn new(samples: usize, window: usize, pixels_per_lambda_d: f64) -> Self {
+    /// The same for any window and pixels; beyond the image's period it repeats itself.
+    pub(crate) fn new(samples: usize, window: usize, pixels_per_lambda_d: f64) -> Self {
         let padded = window.next_multiple_of(LANES);
         let pixel = 1.0 / (samples as f64 * pixels_per_lambda_d);
         let kernel = |lag: i64, k: usize| -> [f64; 2] {

@@ -193,6 +193,35 @@ impl GeometricSensor {
         }
     }
 
+    /// Mean gradients over the pupil of the light that comes back from each spot, rad per subaperture: what
+    /// [`Self::centroids`] takes off.
+    ///
+    /// # Panics
+    /// As there.
+    pub(crate) fn returned(
+        &mut self,
+        atmosphere: &Atmosphere,
+        time_s: f64,
+        mirror: &Mirror,
+        gradients: &mut [[f64; 2]],
+    ) {
+        let mean = self.mean_tilt(mirror);
+        gradients.fill(mean.map(|tilt| -2.0 * tilt));
+        for flow in &atmosphere.flows {
+            if flow.height_m < self.gate_height_m {
+                self.footprint.cut(flow, atmosphere, time_s);
+                let [x, y] = self.stencils_from(self.gate_height_m, flow.height_m);
+                let [_, back] = self.factors(flow.height_m);
+                let spots = gradients.par_iter_mut().zip(self.pupil.subapertures());
+                spots.for_each(|(gradient, &[ix, iy])| {
+                    for (axis, sum) in gradient.iter_mut().enumerate() {
+                        *sum += back * self.pupil_gradient(axis, seen(&x, ix), seen(&y, iy));
+                    }
+                });
+            }
+        }
+    }
+
     /// The part of the mirror's tip and tilt that the sensor cannot see.
     fn mean_tilt(&self, mirror: &Mirror) -> [f64; 2] {
         if !self.looks_back() {
@@ -206,20 +235,12 @@ impl GeometricSensor {
 
     /// Adds one layer's gradients in rad per subaperture.
     fn add_layer(&self, flow: &Flow, centroids: &mut [[f64; 2]]) {
-        let across = self.pupil.across();
         // Only SPLASH sees a layer above the ground from as many places as it has spots.
-        let places = self.sensor == Sensor::Splash && flow.height_m > 0.0;
-        let stencils = |axis: usize, from_m: f64| -> Vec<AxisStencils> {
-            let positions = if places { 0..across } else { 0..1 };
-            let position = |index| if places { self.pupil.centre_m(index) } else { 0.0 };
-            let path = |index| self.path(from_m, [position(index); 2]);
-            positions.map(|index| self.stencils(axis, flow.height_m, path(index))).collect()
-        };
-        let (along_x, along_y) =
-            (stencils(0, self.beacon_height_m), stencils(1, self.beacon_height_m));
+        let places = self.has_places(flow.height_m);
+        let [along_x, along_y] = self.stencils_from(self.beacon_height_m, flow.height_m);
         let second = (self.gate_height_m != self.beacon_height_m)
-            .then(|| (stencils(0, self.gate_height_m), stencils(1, self.gate_height_m)));
-        let (back_x, back_y) = second.as_ref().map_or((&along_x, &along_y), |(x, y)| (x, y));
+            .then(|| self.stencils_from(self.gate_height_m, flow.height_m));
+        let [back_x, back_y] = second.as_ref().map_or([&along_x, &along_y], |[x, y]| [x, y]);
         let pupil_mean = |x: &AxisStencils, y: &AxisStencils| match self.looks_back() {
             true => [0, 1].map(|axis| self.pupil_gradient(axis, x, y)),
             false => [0.0; 2],
@@ -228,8 +249,7 @@ impl GeometricSensor {
         let shared = (!places).then(|| pupil_mean(&back_x[0], &back_y[0]));
         centroids.par_iter_mut().zip(self.pupil.subapertures()).for_each(
             |(centroid, &[ix, iy])| {
-                let (x, y) =
-                    if places { (&along_x[ix], &along_y[iy]) } else { (&along_x[0], &along_y[0]) };
+                let (x, y) = (seen(&along_x, ix), seen(&along_y, iy));
                 let mean = shared.unwrap_or_else(|| pupil_mean(&back_x[ix], &back_y[iy]));
                 let edges = |axis: usize| {
                     let across_x =
@@ -251,6 +271,22 @@ impl GeometricSensor {
                 }
             },
         );
+    }
+
+    /// Whether a layer is seen from as many places as there are spots.
+    fn has_places(&self, height_m: f64) -> bool {
+        self.sensor == Sensor::Splash && height_m > 0.0
+    }
+
+    /// Functionals of a layer along x and along y, from each column's or row's spot at `from_m`, or from the only
+    /// place that there is.
+    fn stencils_from(&self, from_m: f64, height_m: f64) -> [Vec<AxisStencils>; 2] {
+        let places = self.has_places(height_m);
+        let count = if places { self.pupil.across() } else { 1 };
+        let position = |index| if places { self.pupil.centre_m(index) } else { 0.0 };
+        let path = |index| self.path(from_m, [position(index); 2]);
+        let of = |axis| (0..count).map(|k| self.stencils(axis, height_m, path(k))).collect();
+        [0, 1].map(of)
     }
 
     /// What the differences of a layer's phase over a square and over the pupil count for: over what the beam
@@ -326,6 +362,11 @@ impl GeometricSensor {
         });
         edges.sum::<f64>() / self.pupil.subapertures().len() as f64
     }
+}
+
+/// Those of a column's or row's spots.
+fn seen(stencils: &[AxisStencils], index: usize) -> &AxisStencils {
+    stencils.get(index).unwrap_or(&stencils[0])
 }
 
 /// The edges across `axis` that bound the pupil.

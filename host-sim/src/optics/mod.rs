@@ -5,6 +5,7 @@
 //! |---|---|
 //! | [`phase`] | the phase along the paths from a star, a laser guide star or a SPLASH spot |
 //! | [`splash_image`] | noise-free images of the spots, by wave optics |
+//! | [`gate_image`] | the same of a second gate, where the spots are wide |
 //! | [`subaperture_image`] | the same of a guide star, through each subaperture |
 //! | [`launch`] | the beam that is launched through a subaperture |
 //! | [`slab`] | the depth of the beacon, in slices |
@@ -18,6 +19,7 @@ mod block_otf;
 pub mod camera;
 pub(crate) mod error;
 mod focal_plane;
+pub mod gate_image;
 pub mod geometric;
 mod lane_fft;
 pub mod launch;

@@ -111,6 +111,12 @@ impl Slab {
         ((turn_rad / 8.0).ceil() as usize + 2).min(MAX_SLICES)
     }
 
+    /// Width, rad on the sky, of what the whole pupil makes of the slices out of its focus.
+    pub(crate) fn blur_rad(&self, diameter_m: f64, wavelength_m: f64) -> f64 {
+        let e_per_m = |slice: &Slice| slice.curvature_rad_per_m2.abs() * wavelength_m / PI;
+        2.0 * diameter_m * self.slices.iter().map(e_per_m).fold(0.0, f64::max)
+    }
+
     /// Number of slices.
     pub fn count(&self) -> usize {
         self.slices.len()

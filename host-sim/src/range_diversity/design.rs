@@ -45,7 +45,7 @@ pub struct Purpose {
     pub layers: Vec<[f64; 2]>,
     /// Fried parameter at the laser's wavelength, m.
     pub r0_m: f64,
-    /// Rms noise of a slope of each gate, rad of phase at the laser's wavelength from one edge of a subaperture to the
+    /// Rms noise of a slope of the gate at H and of the second one, rad of phase at the laser's wavelength from one edge of a subaperture to the
     /// other.
     pub noise_rad: [f64; 2],
     /// g, the integrator's gain.
@@ -54,7 +54,7 @@ pub struct Purpose {
 
 impl Purpose {
     /// That of an instrument whose second gate is at `gate_height_m` and whose slopes have `noise_rad`.
-    pub fn of(instrument: &Instrument, gate_height_m: f64, noise_rad: f64) -> Self {
+    pub fn of(instrument: &Instrument, gate_height_m: f64, noise_rad: [f64; 2]) -> Self {
         let Instrument { atmosphere, laser, second_gate, control, .. } = instrument;
         let own = atmosphere.layers.iter().map(|layer| [layer.weight, layer.height_m]);
         let expected = second_gate.layers.iter().map(|layer| [layer.weight, layer.height_m]);
@@ -63,7 +63,7 @@ impl Purpose {
             gate_height_m,
             layers: if second_gate.layers.is_empty() { own.collect() } else { expected.collect() },
             r0_m: instrument.r0_m(),
-            noise_rad: [noise_rad; 2],
+            noise_rad,
             gain: control.gain,
         }
     }

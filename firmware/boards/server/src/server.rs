@@ -465,7 +465,8 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize, const R: us
         }
         self.state(out)?;
         let pipeline = self.controller.pipeline();
-        out.measured(pipeline.measurements(), pipeline.slopes(), pipeline.positions())?;
+        let (measurements, slopes) = (pipeline.window_measurements(), pipeline.window_slopes());
+        out.measured(measurements, slopes, pipeline.positions())?;
         out.send(Response::Report(result.report))
     }
 

@@ -17,7 +17,8 @@ use std::path::Path;
 #[derive(Debug, Serialize)]
 pub(super) struct GatesResult {
     gate_height_m: f64,
-    slope_noise_rad: f64,
+    /// Of the gate at the beacon's height and of the second one.
+    slope_noise_rad: [f64; 2],
     points: Vec<PointResult>,
 }
 
@@ -208,7 +209,8 @@ fn write_fits(path: &Path, all: &[Measured], names: &[&str], terms: &Terms) -> R
         let header = output::cards(unit)
             .with("SEED", terms.seed.to_string(), "seed of turbulence and noise")
             .with("GATE", terms.gate_height_m, "[m] height of the second gate")
-            .with("NOISE", terms.noise_rad, "[rad] rms of a slope, edge to edge");
+            .with("NOISE", terms.noise_rad[0], "[rad] rms of a slope, edge to edge")
+            .with("NOISE2", terms.noise_rad[1], "[rad] the same of the second gate");
         output::along(header, 2, "LAW", names.iter().copied())
     };
     let cube = |of: fn(&Outcome) -> f64| -> Vec<f64> {
@@ -231,10 +233,11 @@ fn draw(
     names: &[&str],
     terms: &Terms,
 ) -> Result<(), Error> {
-    let title = match terms.noise_rad {
-        0.0 => format!("{} screens, exact gradients", terms.screens),
-        noise => format!("{} screens, exact gradients, noise {noise} rad", terms.screens),
+    let noise = match terms.noise_rad {
+        [0.0, 0.0] => String::new(),
+        noise_rad => format!(", noise {}", in_words(noise_rad)),
     };
+    let title = format!("{} screens, exact gradients{noise}", terms.screens);
     let x: Vec<f64> = result.points.chunks(names.len()).map(|row| row[0].diameter_in_r0).collect();
     let figure = |name: &str, label, value: Columns, shown: &dyn Fn(&str) -> bool| {
         let column = |law: &str, of: fn(&PointResult) -> f64| -> Vec<f64> {
@@ -252,6 +255,14 @@ fn draw(
     let ours = |name: &str| name.starts_with("splash_") || name.starts_with("gates_");
     let label = "residual variance over that of one gate, f = 1";
     Ok(figure(ratio, label, [|p| p.ratio, |p| p.ratio_se], &ours)?)
+}
+
+/// The noise of both gates.
+fn in_words([first, second]: [f64; 2]) -> String {
+    if first == second {
+        return format!("{first} rad");
+    }
+    format!("{first} rad, at the second gate {second} rad")
 }
 
 /// A value and its error.
@@ -274,7 +285,7 @@ fn style(law: &str) -> (&str, &'static str) {
 pub(super) fn table(result: &GatesResult) -> Vec<(&'static str, String)> {
     let mut table = vec![
         ("second gate", format!("at {} m", result.gate_height_m)),
-        ("slope noise", format!("{} rad, edge to edge", result.slope_noise_rad)),
+        ("slope noise", format!("{}, edge to edge", in_words(result.slope_noise_rad))),
         (
             "residual",
             format!(

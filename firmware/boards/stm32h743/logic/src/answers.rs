@@ -163,8 +163,8 @@ impl<D: DacBus, C: Counter, const M: usize, const P: usize, const B: usize>
             result: self.last,
             totals: pipeline.totals(),
             codes: Vec::from_slice(pipeline.codes()).unwrap_or_default(),
-            measurements: Vec::from_slice(pipeline.measurements()).unwrap_or_default(),
-            slopes: Vec::from_slice(pipeline.slopes()).unwrap_or_default(),
+            measurements: Vec::from_slice(pipeline.window_measurements()).unwrap_or_default(),
+            slopes: Vec::from_slice(pipeline.window_slopes()).unwrap_or_default(),
             positions: Vec::from_slice(pipeline.positions()).unwrap_or_default(),
         }
     }
