@@ -13,9 +13,11 @@ const BEACON_M: f64 = 12_000.0;
 const GATE_M: f64 = 6_000.0;
 const WAVELENGTH_M: f64 = 532e-9;
 const PITCH_M: f64 = 0.5;
-/// 24 pixels of 2 lambda/d: 48 of them, and the spots are 39 wide.
-const WINDOW: usize = 24;
-const SCALE: f64 = 0.5;
+/// 32 pixels of 4 lambda/d: 128 of them, and the spots are 39 wide. The wings of so sharp an edge reach far.
+const WINDOW: usize = 32;
+const SCALE: f64 = 0.25;
+/// Pixels that show the fringes.
+const FINE: f64 = 0.5;
 
 fn sinc(u: f64) -> f64 {
     if u == 0.0 { 1.0 } else { u.sin() / u }
@@ -94,7 +96,7 @@ fn propagated(height_m: f64, [a, k, psi]: [f64; 3], shift: f64) -> Vec<f64> {
     let mut at_layer = to(&beam, height_m, &line(half_m, 1800));
     at_layer.iter_mut().for_each(|(y, field)| *field *= Complex::cis(a * (k * *y + psi).cos()));
     const FINER: usize = 12;
-    let field_rad = WINDOW as f64 / SCALE * WAVELENGTH_M / PITCH_M;
+    let field_rad = WINDOW as f64 / FINE * WAVELENGTH_M / PITCH_M;
     let places: Vec<f64> = line(field_rad / 2.0, FINER * WINDOW)
         .into_iter()
         .map(|angle| (angle - shift) * GATE_M)
@@ -117,7 +119,8 @@ fn images_are_those_of_fresnel_propagation() {
     {
         let k = TAU * cycles / PITCH_M;
         let air = sinusoid(&pupil, height_m, [a, k, psi]);
-        let seen = columns(&look(&pupil, &air, &sheet(), &Mirror::flat(1))[0]);
+        let camera = GateCamera::new(&pupil, &air, &sheet(), FINE, WINDOW).unwrap();
+        let seen = columns(&images(camera, &air, &Mirror::flat(1))[0]);
         let b_z = 1.0 - height_m / GATE_M;
         let back = -a * b_z * k * psi.sin() * sinc(k * b_z * PITCH_M / 2.0);
         let expected = propagated(height_m, [a, k, psi], -back * WAVELENGTH_M / TAU);
@@ -125,23 +128,25 @@ fn images_are_those_of_fresnel_propagation() {
         let light: f64 = seen.iter().sum();
         let differ = seen.iter().zip(&expected).map(|(s, e)| (s / light - e).abs() / peak);
         let worst = differ.fold(0.0, f64::max);
-        println!("h {height_m}, A {a}: {worst:.4} of the peak\n{seen:.4?}\n{expected:.4?}");
+        println!("h {height_m}, A {a}: {worst:.4} of the peak");
         assert!(worst < 0.05, "h {height_m}, A {a}: {worst}");
     }
 }
 
-/// The formulas of `optics_gates`: mean gradient over the beam less that over the pupil.
+/// The formulas of `optics_gates`: mean gradient over the beam less that over the pupil. What leaves on one side comes in
+/// on the other, and pixels see fringes: 2.5 % and less.
 #[test]
 fn centres_of_gravity_are_mean_gradients() {
     let pupil = Pupil::square(6, 8, PITCH_M).unwrap();
     let diameter_m = pupil.diameter_m();
     for (height_m, cycles, psi) in [(3_000.0, 1.0, 0.3), (1_500.0, 2.5, 1.9), (0.0, 2.0, 0.8)] {
-        let (a, k) = (1.0, TAU * cycles / diameter_m);
+        let (a, k) = (8.0, TAU * cycles / diameter_m);
         let air = sinusoid(&pupil, height_m, [a, k, psi]);
         let flat = Mirror::flat(36);
-        let seen = look(&pupil, &air, &sheet(), &flat);
+        let camera = GateCamera::new(&pupil, &air, &sheet(), FINE, WINDOW).unwrap();
+        let seen = images(camera, &air, &flat);
         let (b, b_z) = (1.0 - height_m / BEACON_M, 1.0 - height_m / GATE_M);
-        let scale = -a * b_z * k * PITCH_M * SCALE / TAU;
+        let scale = -a * b_z * k * PITCH_M * FINE / TAU;
         let (mut error, mut signal) = (0.0, 0.0);
         for (&[ix, _], image) in pupil.subapertures().iter().zip(&seen) {
             let x = pupil.centre_m(ix);
@@ -183,13 +188,13 @@ fn a_flat_wavefront_is_a_shadow() {
     for image in look(&pupil, &air, &sheet(), &Mirror::flat(12)) {
         let light: f64 = image.iter().sum();
         assert!((light - 1.0).abs() < 1e-4, "{light}");
-        // Full within 16 lambda/d of the middle, dark beyond 22: the edges are at 19.6.
+        // Full within 12 lambda/d of the middle, dark beyond 24: the edges are at 19.6, with fringes.
         let columns = columns(&image);
-        let inside: f64 = columns[4..20].iter().sum();
-        let expected = 32.0 / width;
+        let inside: f64 = columns[13..19].iter().sum();
+        let expected = 24.0 / width;
         assert!((inside - expected).abs() < 0.01, "{inside} of {expected}");
-        let outside: f64 = columns[..1].iter().chain(&columns[23..]).sum();
-        assert!(outside < 0.005, "{outside}");
+        let outside: f64 = columns[..10].iter().chain(&columns[22..]).sum();
+        assert!(outside < 0.02, "{outside}");
         let (x, _) = moments(&image);
         assert!(x.abs() < 1e-4, "{x}");
     }
@@ -218,7 +223,7 @@ fn a_gaussian_beam_has_a_gaussian_shadow() {
 fn depth_blurs_and_stretches() {
     let pupil = Pupil::square(4, 8, PITCH_M).unwrap();
     let air = still_air(&pupil);
-    let e_per_m = [-1.5e-6, 0.0, 1.5e-6];
+    let e_per_m = [-6e-6, 0.0, 6e-6];
     let slices = e_per_m.map(|e| (1.0 / (1.0 / GATE_M + e), 1.0));
     let deep = gate(Slab::new(GATE_M, WAVELENGTH_M, &slices).unwrap());
     let flat = Mirror::flat(16);
@@ -234,7 +239,7 @@ fn depth_blurs_and_stretches() {
         let expected = square * distance * scale * scale;
         println!("{:.3} added of {expected:.3}, light {light:.4}, at {x:.4}", after - before);
         assert!(x.abs() < 0.01, "{x}");
-        assert!(((after - before) / expected - 1.0).abs() < 0.1, "{after} - {before}: {expected}");
+        assert!(((after - before) / expected - 1.0).abs() < 0.05, "{after} - {before}: {expected}");
     }
 }
 
