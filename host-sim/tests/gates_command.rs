@@ -70,7 +70,7 @@ fn what_cannot_be_is_refused() {
     for (arguments, words) in [
         (&["--modes", "13"][..], "second_gate.modes = 13: must be 0, 12 or 25"),
         (&["--n", "4", "--modes", "25"], "second_gate.modes = 25: must be fewer"),
-        (&["--slope-noise", "-1"], "second_gate.slope_noise_rad = -1: must be from 0 to 100"),
+        (&["--slope-noise", "-1"], "second_gate.slope_noise_rad[0] = -1: must be from 0 to 100"),
         (&["--wind", "11"], "--wind = 11: must be from 0 to 10 pitches per frame"),
     ] {
         refusal::fails(COMMAND, place.path(), arguments, 2, &[words]);

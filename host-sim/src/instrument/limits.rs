@@ -153,6 +153,7 @@ impl Instrument {
         }
         within("second_gate.electrons_per_spot", second_gate.electrons_per_spot, 0.0, 1e9)?;
         within("second_gate.pixels_per_lambda_d", second_gate.pixels_per_lambda_d, 0.0, 8.0)?;
+        within("second_gate.depth_m", second_gate.depth_m, 1e-3, 1e6)?;
         if !self.has_second_gate() {
             return Ok(());
         }

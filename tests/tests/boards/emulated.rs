@@ -6,7 +6,7 @@
 use super::{frames, same_as_here, usual};
 use host_sim::board::remote::Remote;
 use host_sim::board::{Board, BoardError, Frame, Options, ibex, in_process, qemu};
-use host_sim::calibration::SlopeCalibration;
+use host_sim::calibration::calibrated;
 use host_sim::closed_loop::{ClosedLoop, Run, Sensing};
 use host_sim::instrument::Instrument as Description;
 use host_sim::optics::geometric::Sensor;
@@ -62,19 +62,29 @@ fn closed(
 }
 
 fn closes_the_loop(open: Open, toml: &str, frames: u32) {
+    close_the_loop(&[open], toml, frames);
+}
+
+fn close_the_loop(boards: &[Open], toml: &str, frames: u32) {
     let description = Description::parse(toml, "test").expect("a description");
-    let slopes = SlopeCalibration::measure(&description, &mut |_| ()).expect("calibration");
-    let reconstructor = Reconstructor::new(&description).expect("default").with_slopes(slopes);
+    let reconstructor = Reconstructor::new(&description).expect("default");
+    let reconstructor = reconstructor.with_second_gate(&|_| ()).expect("its gates");
+    let reconstructor =
+        calibrated(Sensor::Splash, reconstructor, &mut |_| ()).expect("calibration");
     let spec = reconstructor.spec();
-    let Some(mut there) = board(open, &spec, Options::default()) else { return };
-    for sensing in [Sensing::Images, Sensing::Geometric] {
+    let sensings = [Sensing::Images, Sensing::Geometric];
+    let expected = sensings.map(|sensing| {
         let mut here = in_process(&spec).expect("configuration");
-        there.reset().expect("there");
-        let run = (sensing, frames);
-        let expected = closed(&description, &reconstructor, here.as_mut(), run);
-        let found = closed(&description, &reconstructor, &mut there, run);
-        println!("{sensing:?}, {frames} frames: {}", found.0);
-        assert_eq!(found, expected, "{sensing:?}");
+        closed(&description, &reconstructor, here.as_mut(), (sensing, frames))
+    });
+    for open in boards {
+        let Some(mut there) = board(*open, &spec, Options::default()) else { continue };
+        for (sensing, expected) in sensings.into_iter().zip(&expected) {
+            there.reset().expect("there");
+            let found = closed(&description, &reconstructor, &mut there, (sensing, frames));
+            println!("{sensing:?}, {frames} frames: {}", found.0);
+            assert_eq!(found, *expected, "{sensing:?}");
+        }
     }
 }
 
@@ -151,6 +161,18 @@ fn qemu_lights_spots_in_turn_as_the_host_does() {
 #[test]
 fn ibex_lights_spots_in_turn_as_the_host_does() {
     closes_the_loop(ibex::open, INTERLEAVED, 10);
+}
+
+#[test]
+fn emulated_boards_combine_two_gates_as_the_host_does() {
+    close_the_loop(&[qemu::open, ibex::open], "[second_gate]\nheight_m = 6000.0", 12);
+}
+
+#[test]
+fn emulated_boards_combine_two_gates_of_sixteen_subapertures_as_the_host_does() {
+    let sixteen = "[telescope]\nsubapertures = 16\n[windows]\nsize = 8\nspacing_px = 8\n\
+                   [second_gate]\nheight_m = 6000.0";
+    close_the_loop(&[qemu::open, ibex::open], sixteen, 4);
 }
 
 fn does_with_bad_frames_what_the_host_does(open: Open, name: &str) {

@@ -51,6 +51,9 @@ fn same_codes(open: fn(&Spec<'_>, Options) -> Result<Remote, BoardError>) {
             assert_eq!(here_said, there_said);
             assert_eq!(here.codes(), there.codes(), "N = {across}, frame {number}");
             assert_eq!(here.slopes(), there.slopes());
+            assert_eq!(here.second_slopes(), there.second_slopes());
+            assert_eq!(here.second_measurements(), there.second_measurements());
+            assert_eq!(here.second_slopes().len(), here.slopes().len());
         }
     }
 }
