@@ -94,8 +94,8 @@ impl SlopeCalibration {
 /// told the fraction done.
 ///
 /// # Errors
-/// [`Error::Config`] for an instrument that the optics or the firmware refuse, or whose spots
-/// do not follow their segments: too faint, or windows too small.
+/// [`Error::Config`] for an instrument that the optics or the firmware refuse; [`Error::Uncalibrated`] for one whose
+/// spots do not follow their segments: too faint, or windows too small.
 pub fn calibrated(
     sensor: Sensor,
     reconstructor: Reconstructor,
@@ -152,7 +152,7 @@ fn on_bench(sensor: Sensor, reconstructor: &Reconstructor) -> Result<Vec<SlopeCa
             // A spot that moves by less than a third of its segment's tilt is no measurement.
             if !(determinant.abs() > 0.1 && determinant.is_finite()) {
                 let light = ["laser.electrons_per_spot", "second_gate.electrons_per_spot"][gate];
-                return Err(Error::Config(format!(
+                return Err(Error::Uncalibrated(format!(
                     "calibration of subaperture {i}: determinant of the spot's response to its \
                      segment = {determinant}: must be above 0.1; check windows.size, {light} and the \
                      detector's range"

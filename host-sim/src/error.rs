@@ -15,6 +15,9 @@ pub enum Error {
     /// The arguments, the configuration or an input file cannot be used: exit code 2.
     #[error("{0}")]
     Config(String),
+    /// A spot does not follow its segment, too faint or cut off: exit code 2.
+    #[error("{0}")]
+    Uncalibrated(String),
     /// The run itself failed: exit code 1.
     #[error("{0}")]
     Run(String),
@@ -24,7 +27,7 @@ impl Error {
     /// The process's exit code.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Config(_) => 2,
+            Self::Config(_) | Self::Uncalibrated(_) => 2,
             Self::Run(_) => 1,
         }
     }

@@ -48,7 +48,7 @@ pub struct Reconstructor {
     second: Option<SecondGate>,
 }
 
-/// The second gate: its windows lie below those of the first, on a detector twice as high.
+/// The second gate: its windows lie in the rows behind those of the first, on a detector twice as high.
 #[derive(Clone, Debug)]
 struct SecondGate {
     law: Combination,

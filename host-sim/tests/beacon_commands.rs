@@ -45,6 +45,26 @@ fn power_against_strehl() {
     }
 }
 
+/// A power at which no spot follows its segment is a result like others, without numbers.
+#[test]
+fn too_little_power_ends_no_run() {
+    let place = tempfile::tempdir().unwrap();
+    let arguments = ["--n", "4", "--screens", "2", "--powers", "0.05,400", "--frames", "2"];
+    let arguments = [&arguments[..], &["--beacons", "rayleigh"]].concat();
+    let result = json("power", place.path(), "2", &arguments);
+    let points = &result["beacons"][0]["points"];
+    assert!(points[0]["strehl"].is_null() && points[0]["margin"].is_null(), "{points}");
+    assert!(points[0]["refused"].as_str().unwrap().starts_with("calibration of subaperture"));
+    assert!(points[1]["strehl"].as_f64().unwrap() > 0.3 && points[1]["refused"].is_null());
+    assert!(result["beacons"][0]["power_90_w"].is_null());
+    let files = place.path().join("target/splash/power");
+    let csv = std::fs::read_to_string(files.join("power.csv")).unwrap();
+    let first: Vec<&str> = csv.lines().nth(1).unwrap().split(',').collect();
+    assert_eq!((first[0], &first[2..]), ("0.05", &["NaN"; 4][..]), "{csv}");
+    let figure = std::fs::read_to_string(files.join("power.svg")).unwrap();
+    assert!(!figure.contains("NaN") && figure.contains("rayleigh"));
+}
+
 #[test]
 fn waist_against_strehl() {
     let place = tempfile::tempdir().unwrap();

@@ -41,6 +41,8 @@ pub(super) struct Task {
     jobs: Vec<Job>,
     /// Of each job, s on one core.
     core_s: Vec<f64>,
+    /// Why nothing was run: a sensor that cannot be calibrated.
+    pub(super) refused: Option<String>,
 }
 
 /// How much of a size of pupil is there.
@@ -167,9 +169,32 @@ impl Campaign {
     /// # Errors
     /// [`Error`] of the first screen that fails.
     pub(super) fn run(&mut self) -> Result<(), Error> {
+        self.run_but(|_, error| Err(error))
+    }
+
+    /// The same, but a point whose sensors cannot be calibrated is a result: it has no numbers.
+    ///
+    /// # Errors
+    /// As [`Self::run`].
+    pub(super) fn run_what_can_be(&mut self) -> Result<(), Error> {
+        self.run_but(|task, error| match error {
+            Error::Uncalibrated(words) => {
+                task.refused = Some(words);
+                Ok(())
+            }
+            other => Err(other),
+        })
+    }
+
+    fn run_but(
+        &mut self,
+        failed: impl Fn(&mut Task, Error) -> Result<(), Error>,
+    ) -> Result<(), Error> {
         let total_s: f64 = self.tasks.iter().flat_map(|task| &task.core_s).sum();
         let mut done_s = 0.0;
-        self.tasks.iter_mut().try_for_each(|task| task.run(&mut done_s, total_s))
+        self.tasks.iter_mut().try_for_each(|task| {
+            task.run(&mut done_s, total_s).or_else(|error| failed(task, error))
+        })
     }
 
     /// How many screens are finished, in words.
@@ -236,8 +261,9 @@ impl Task {
         let jobs: Vec<Job> = to_run.filter_map(missing).collect();
         let cost = |(_, cases): &Job| Ok(Cost::of_screen(&point, cases)?.core_s);
         let core_s = jobs.iter().map(cost).collect::<Result<_, Error>>()?;
+        let (finished, refused) = (Vec::new(), None);
         let mut task =
-            Self { point, screens, finished: Vec::new(), cases, name, checkpoint, jobs, core_s };
+            Self { point, screens, finished, cases, name, checkpoint, jobs, core_s, refused };
         task.count();
         Ok(task)
     }
@@ -308,8 +334,11 @@ impl Task {
         self.checkpoint.finished()[&(screen, case.into())]
     }
 
-    /// One number of each screen that is finished, in their order.
+    /// One number of each screen that is finished, in their order; of what was refused no number.
     pub(super) fn values(&self, case: impl Into<Case>, of: fn(&Outcome) -> f64) -> Vec<f64> {
+        if self.refused.is_some() {
+            return vec![f64::NAN; self.screens as usize];
+        }
         let case = case.into();
         self.finished.iter().map(|&screen| of(&self.outcome(screen, case))).collect()
     }

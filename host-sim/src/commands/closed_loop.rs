@@ -283,7 +283,7 @@ fn draw(
         let marks = window_marks(closed, reconstructor, instrument.windows.size);
         let title = match reconstructor.law() {
             None => "last detector frame (ADU), windows and centroids",
-            Some(_) => "last frame (ADU), windows and centroids; second gate below",
+            Some(_) => "last detector frame (ADU), second gate on top",
         };
         figures::detector_frame(at("detector.svg"), closed.pixels(), width, height, &marks, title)?;
     }

@@ -273,7 +273,7 @@ impl Task {
             let prepared = match point.prepare(&[case], &mut |_| ()) {
                 Ok(prepared) => prepared,
                 // A spot that does not follow its segment cannot be calibrated: that is a result.
-                Err(Error::Config(words)) => {
+                Err(Error::Config(words) | Error::Uncalibrated(words)) => {
                     self.refused = Some(words);
                     return Ok(());
                 }

@@ -3,7 +3,7 @@
 //! The file: FRAMES, a u16 cube (column, row, frame); TRUTH, the exact centroids of each frame in
 //! pixels (axis, window, frame); STREHL, one value a frame; REFERENCE and GAIN, the slope
 //! calibration (axis, subaperture; column, row, subaperture); CONFIG, the instrument as TOML.
-//! With a second gate, whose windows lie below the others and come behind them: REFERENCE2 and GAIN2, its slope
+//! With a second gate, whose windows lie in the rows behind the others and come behind them: REFERENCE2 and GAIN2, its slope
 //! calibration; MODES (axis, subaperture, mode) and COUPLING (gate and mode seen, mode), the law, with its factor f in
 //! the header of MODES.
 

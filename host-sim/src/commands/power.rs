@@ -65,7 +65,7 @@ pub fn run(args: &PowerArgs) -> Result<(), Error> {
     let _lock = Lock::take(&directory, "host-sim power")?;
     let mut campaign = Campaign::open(&directory, points, &[Comparator::Splash], false)?;
     let estimate = campaign.estimate(args.long)?;
-    campaign.run()?;
+    campaign.run_what_can_be()?;
     let result = results::gather(&campaign, &studies, &powers_w);
     results::write(&directory, &campaign, &result, args.seed)?;
     let mut table = results::table(&result);

@@ -47,6 +47,8 @@ struct PowerPoint {
     electrons_per_spot: f64,
     strehl: f64,
     strehl_se: f64,
+    /// Why there is no Strehl ratio: spots too faint to calibrate the loop; else null.
+    refused: Option<String>,
     /// Strehl ratio less 90 % of that without noise, under the same screens.
     margin: f64,
     margin_se: f64,
@@ -77,6 +79,7 @@ fn beacon(study: &Study, tasks: &[Task], powers_w: &[f64]) -> BeaconResult {
                 electrons_per_spot,
                 strehl: all.mean,
                 strehl_se: all.standard_error,
+                refused: task.refused.clone(),
                 margin: above.mean,
                 margin_se: above.standard_error,
             }
@@ -202,13 +205,12 @@ pub(super) fn table(result: &PowerResult) -> Vec<(&'static str, String)> {
             ),
         ));
         for p in &beacon.points {
-            table.push((
-                "",
-                format!(
-                    "{:>6} W {:>8.0} electrons {:.4} +- {:.4}",
-                    p.power_w, p.electrons_per_spot, p.strehl, p.strehl_se
-                ),
-            ));
+            let found = match p.refused {
+                Some(_) => "too faint to calibrate".to_string(),
+                None => format!("{:.4} +- {:.4}", p.strehl, p.strehl_se),
+            };
+            let light = format!("{:>6} W {:>8.0} electrons", p.power_w, p.electrons_per_spot);
+            table.push(("", format!("{light} {found}")));
         }
     }
     for beacon in &result.beacons {
@@ -227,7 +229,8 @@ mod tests {
 
     fn point(power_w: f64, margin: f64) -> PowerPoint {
         let (strehl, strehl_se, electrons_per_spot, margin_se) = (0.5, 0.01, 1.0, 0.01);
-        PowerPoint { power_w, electrons_per_spot, strehl, strehl_se, margin, margin_se }
+        let refused = None;
+        PowerPoint { power_w, electrons_per_spot, strehl, strehl_se, refused, margin, margin_se }
     }
 
     /// Margins that are linear in ln P: a ln(P / P0) passes zero at P0, with the error P0 se / a.
