@@ -317,12 +317,14 @@ impl Instrument {
     }
 
     /// The same instrument with another sensor: a guide star lights all subapertures at once, each of which
-    /// makes its own image, so nothing of its images is interleaved or laid out as on the sky.
+    /// makes its own image, so nothing of its images is interleaved or laid out as on the sky; and its light comes
+    /// from one height.
     #[must_use]
     pub fn seen_by(mut self, sensor: Sensor) -> Self {
         if sensor != Sensor::Splash {
             self.schedule = ScheduleSection::none();
             self.windows = self.windows.relayed();
+            self.second_gate.height_m = 0.0;
         }
         self
     }
@@ -335,7 +337,7 @@ impl Instrument {
         match self.has_second_gate() {
             false => Ok(self),
             true => {
-                let limit = "0 here; two gates are for host-sim gates, loop, frames and replay";
+                let limit = "0 here; two gates are for host-sim gates, loop, frames, replay and strehl by images";
                 Err(refuse("second_gate.height_m", self.second_gate.height_m, limit))
             }
         }

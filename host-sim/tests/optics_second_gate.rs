@@ -263,7 +263,7 @@ fn gates_that_cannot_be_are_refused() {
     let low = Gate { height_m: 500.0, ..sheet() };
     assert_eq!(
         refused(low, SCALE, WINDOW),
-        "gate_height_m = 500: must be higher, or shallower: its spots and their field are 909 lambda/d wide, at \
+        "gate_height_m = 500: must be higher, or shallower: its spots and their field are 912 lambda/d wide, at \
          most 512 are sampled"
     );
     assert_eq!(refused(sheet(), SCALE, 33), "window = 33: must be 4 to 32 pixels");

@@ -71,7 +71,11 @@ pub fn run(args: &StrehlArgs) -> Result<(), Error> {
 
 /// What the arguments ask for.
 fn settings(args: &StrehlArgs) -> Result<Settings, Error> {
-    let mut description = args.description.load()?.of_one_gate()?;
+    let mut description = args.description.load()?;
+    if args.budget || args.sensing == Sensing::Geometric {
+        // The steps of a budget and loops of double precision know one.
+        description = description.of_one_gate()?;
+    }
     let moving = args.wind.is_some();
     let speed = match args.wind {
         None => Some(0.0),

@@ -12,6 +12,8 @@ use crate::error::Error;
 
 /// Drawing a screen, s per texel.
 pub(crate) const DRAW_S: f64 = 3e-8;
+/// A spot of a second gate with 80 samples across its subaperture, s.
+const GATE_S: f64 = 4.5e-4;
 /// Bytes per texel of a screen while it is drawn, of its spectrum, and once it is drawn.
 const DRAWING: u64 = 24;
 const SPECTRUM: u64 = 2;
@@ -49,6 +51,14 @@ impl Cost {
         // All work is on samples.
         let scale = (pupil.samples() as f64 / 8.0).powi(2);
         let slices = instrument.slab()?.count() as f64;
+        let gate_s = match instrument.gate()? {
+            Some(gate) => {
+                let scale = instrument.gate_pixels_per_lambda_d();
+                let samples = gate.samples(pupil, scale, instrument.windows.size) as f64;
+                pupil.subapertures().len() as f64 * GATE_S * (samples / 80.0).powi(2)
+            }
+            None => 0.0,
+        };
         let one = |case: &Case| {
             let (frames, sensing) = match case.until {
                 None if case.comparator == Comparator::Fit => (point.averaged().len(), sensing),
@@ -67,7 +77,7 @@ impl Cost {
                     // The star is looked at in every frame, each spot once in a cycle.
                     let star_s = frame_s(Comparator::Fit, sensing, n);
                     let spots_s = frame_s(case.comparator, sensing, n) - star_s;
-                    star_s + spots_s / f64::from(point.cycle())
+                    star_s + spots_s / f64::from(point.cycle()) + gate_s
                 }
                 (comparator, sensing) => frame_s(comparator, sensing, n),
             };

@@ -5,7 +5,7 @@ use super::converged::Converged;
 use super::gradient_loop::GradientLoop;
 use crate::atmosphere::{Atmosphere, Turbulence};
 use crate::board::in_process;
-use crate::calibration::SlopeCalibration;
+use crate::calibration::calibrated;
 use crate::closed_loop::{ClosedLoop, Run, Sensing};
 use crate::error::{Error, refuse};
 use crate::instrument::{Instrument, PupilName, PupilShape};
@@ -179,10 +179,10 @@ impl Point {
             }
             let mut reconstructor = Reconstructor::new(&instrument)?;
             if matches!(eye, Eye::Images { .. }) {
-                let slopes = SlopeCalibration::of(sensor, &instrument, &mut |done| {
+                reconstructor = reconstructor.with_second_gate(&|_| ())?;
+                reconstructor = calibrated(sensor, reconstructor, &mut |done| {
                     progress((index as f64 + done) / eyes.len() as f64);
                 })?;
-                reconstructor = reconstructor.with_slopes(slopes);
             }
             reconstructors.push((eye, instrument, reconstructor));
         }

@@ -97,6 +97,21 @@ pub struct Gate {
     pub wavelength_m: f64,
 }
 
+impl Gate {
+    /// Samples across a subaperture: as many as the image's period has lambda/d, in which a spot and its field of `window`
+    /// pixels of lambda/(d `pixels_per_lambda_d`) have room.
+    pub(crate) fn samples(&self, pupil: &Pupil, pixels_per_lambda_d: f64, window: usize) -> usize {
+        let (pitch_m, wavelength_m) = (pupil.pitch_m(), self.wavelength_m);
+        let e_per_m = 1.0 / self.height_m - 1.0 / self.focus_m;
+        // In lambda/d.
+        let spot = e_per_m * pitch_m * pitch_m / wavelength_m;
+        let blur = self.slab.blur_rad(pupil.diameter_m(), wavelength_m) * pitch_m / wavelength_m;
+        let period = (spot + blur + MARGIN_LAMBDA_D).max(window as f64 / pixels_per_lambda_d);
+        // Multiples of 8 have quick transforms.
+        (period.ceil() as usize).next_multiple_of(8).max(pupil.samples())
+    }
+}
+
 impl GateCamera {
     /// A camera for `gate` with windows of `window` x `window` pixels (4 to 32) of lambda/(d `pixels_per_lambda_d`), to
     /// look through atmospheres like `atmosphere`.
@@ -119,22 +134,16 @@ impl GateCamera {
         let way_back =
             GeometricSensor::new(Sensor::Splash, pupil, atmosphere, focus_m, pixels_per_lambda_d)?
                 .with_gate(gate_m)?;
-        let pitch_m = pupil.pitch_m();
-        let e_per_m = 1.0 / gate_m - 1.0 / focus_m;
-        // In lambda/d.
-        let spot = e_per_m * pitch_m * pitch_m / wavelength_m;
-        let blur = slab.blur_rad(pupil.diameter_m(), wavelength_m) * pitch_m / wavelength_m;
-        let period = (spot + blur + MARGIN_LAMBDA_D).max(window as f64 / pixels_per_lambda_d);
-        // Multiples of 8 have quick transforms.
-        let samples = (period.ceil() as usize).next_multiple_of(8).max(pupil.samples());
+        let samples = gate.samples(pupil, pixels_per_lambda_d, window);
         if samples > MAX_SAMPLES {
             let limit = format!(
-                "higher, or shallower: its spots and their field are {period:.0} lambda/d wide, at most \
+                "higher, or shallower: its spots and their field are {samples} lambda/d wide, at most \
                  {MAX_SAMPLES} are sampled"
             );
             return Err(OpticsError::range("gate_height_m", gate_m, limit));
         }
-        let curvature = PI / wavelength_m * e_per_m;
+        let pitch_m = pupil.pitch_m();
+        let curvature = PI / wavelength_m * (1.0 / gate_m - 1.0 / focus_m);
         let place_m = |k: usize| ((k as f64 + 0.5) / samples as f64 - 0.5) * pitch_m;
         let mut planner = FftPlanner::new();
         Ok(Self {
