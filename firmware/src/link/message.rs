@@ -162,18 +162,18 @@ pub enum Response {
         /// In mask order.
         items: List<[u16; ACTUATORS]>,
     },
-    /// Measurements of the last complete frame.
+    /// Measurements of the last complete frame, of all windows.
     Measurements {
-        /// Subaperture of the first.
+        /// Window of the first.
         first: u16,
-        /// In mask order.
+        /// In mask order, a second gate's behind the others.
         items: List<Measurement>,
     },
-    /// Slopes of the last complete frame.
+    /// Slopes of the last complete frame, of all windows.
     Slopes {
-        /// Subaperture of the first.
+        /// Window of the first.
         first: u16,
-        /// In mask order.
+        /// In the same order.
         items: List<Slope>,
     },
     /// Positions of the segments.

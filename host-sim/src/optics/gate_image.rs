@@ -203,7 +203,8 @@ impl GateCamera {
         images.par_chunks_exact_mut(pixels).enumerate().for_each_init(
             || (camera.scratch(), plane.scratch()),
             |(scratch, plane_scratch), (spot, image)| {
-                camera.light_up(spot, mirror.segments[spot], &layers, scratch);
+                camera.field(spot, mirror.segments[spot], &layers, &mut scratch.rows);
+                camera.correlate(scratch);
                 camera.come_back(spot, &mut scratch.lags);
                 arch.dispatch(Image { plane, otf: &scratch.lags, scratch: plane_scratch, image });
             },
@@ -258,24 +259,23 @@ impl GateCamera {
         resampled.collect()
     }
 
-    /// The transfer function of the light of one beam at z.
-    fn light_up(
+    /// The field of one beam, `[row][column]` in rows of twice its length, zero beyond.
+    fn field(
         &self,
         spot: usize,
         [_, tip, tilt]: [f64; 3],
         layers: &[Resampled],
-        scratch: &mut Scratch,
+        rows: &mut [Complex<f32>],
     ) {
-        let (n, side) = (self.samples, 2 * self.samples);
+        let (n, coarse) = (self.samples, self.pupil.samples());
         let [ix, iy] = self.pupil.subapertures()[spot];
-        let Scratch { rows, columns, fft, lags } = scratch;
         // From a segment's centre to its edge.
         let edge = |k: usize| (2.0 * k as f64 + 1.0) / n as f64 - 1.0;
         let along_x: Vec<f32> = (0..n).map(|k| self.defocus[k] - (tip * edge(k)) as f32).collect();
-        let coarse =
-            |index: usize, k: usize| index * self.pupil.samples() + k * self.pupil.samples() / n;
+        // The pupil's sample that covers one of these.
+        let of_pupil = |index: usize, k: usize| index * coarse + k * coarse / n;
         rows.fill(Complex::default());
-        for (row, field) in rows.chunks_exact_mut(side).enumerate() {
+        for (row, field) in rows.chunks_exact_mut(2 * n).enumerate() {
             let along_y = self.defocus[row] - (tilt * edge(row)) as f32;
             for (col, value) in field[..n].iter_mut().enumerate() {
                 let layers = layers.iter().map(|layer| {
@@ -283,11 +283,17 @@ impl GateCamera {
                     layer.factor * layer.taps[ix][col].on(line)
                 });
                 let phase = along_x[col] + along_y + layers.sum::<f32>();
-                let open = self.pupil.amplitude(coarse(iy, row), coarse(ix, col));
+                let open = self.pupil.amplitude(of_pupil(iy, row), of_pupil(ix, col));
                 *value = Complex::cis(phase) * (open * self.beam[row] * self.beam[col]);
             }
-            self.forward.process_with_scratch(field, fft);
         }
+    }
+
+    /// The transfer function of the light of the field in `scratch`: its autocorrelation.
+    fn correlate(&self, scratch: &mut Scratch) {
+        let (n, side) = (self.samples, 2 * self.samples);
+        let Scratch { rows, columns, fft, lags } = scratch;
+        self.forward.process_with_scratch(rows, fft);
         columns.fill(Complex::default());
         for (row, field) in rows.chunks_exact(side).enumerate() {
             for (kx, value) in field.iter().enumerate() {
@@ -295,16 +301,14 @@ impl GateCamera {
             }
         }
         self.forward.process_with_scratch(columns, fft);
-        for value in columns.iter_mut() {
-            *value = Complex::new(value.norm_sqr(), 0.0);
-        }
+        columns.iter_mut().for_each(|value| *value = value.norm_sqr().into());
         self.inverse.process_with_scratch(columns, fft);
         for (ly, field) in rows.chunks_exact_mut(side).enumerate() {
             for (kx, value) in field.iter_mut().enumerate() {
                 *value = columns[kx * side + ly];
             }
-            self.inverse.process_with_scratch(field, fft);
         }
+        self.inverse.process_with_scratch(rows, fft);
         // Transforms and the samples of a beam whose light is one.
         let norm = 1.0 / ((side * side) as f32 * (n * n) as f32);
         let lines = lags.re.chunks_exact_mut(side - 1).zip(lags.im.chunks_exact_mut(side - 1));
