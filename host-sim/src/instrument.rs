@@ -213,12 +213,7 @@ impl Instrument {
             PupilShape::Named(PupilName::Annulus) => Mask::annulus(*across, *obstruction)?,
             PupilShape::Rows(rows) => {
                 let cell = |x: usize, y: usize| rows[y].as_bytes()[x] == b'#';
-                let widths: Vec<usize> = rows.iter().map(String::len).collect();
-                if widths.len() != *across || widths.iter().any(|width| width != across) {
-                    let found = format!("{} rows of lengths {widths:?}", rows.len());
-                    let limit = format!("telescope.subapertures = {across} rows of that length");
-                    return Err(refuse("telescope.pupil", found, &limit));
-                }
+                limits::check_drawing("telescope.pupil", rows, *across)?;
                 let strange = |row: &&String| row.bytes().any(|cell| cell != b'#' && cell != b'.');
                 if let Some(row) = rows.iter().find(strange) {
                     return Err(refuse("telescope.pupil", format!("{row:?}"), "'#' and '.' only"));

@@ -4,31 +4,19 @@
 //! SPLASH: c_i = -A b k [sin(k x_i + psi) sinc(k b d/2) - sin(k (1-b) x_i + psi) sinc(k b D/2)]
 //! LGS: c_i = -A b k sin(k b x_i + psi) sinc(k b d/2).
 
-use host_sim::atmosphere::{Atmosphere, Layer};
+#[path = "common/sinusoid.rs"]
+mod sinusoid;
+
 use host_sim::optics::camera::Camera;
 use host_sim::optics::geometric::{GeometricSensor, Sensor};
 use host_sim::optics::splash_image::PIXELS_PER_LAMBDA_D;
 use host_sim::pupil::{Mirror, Pupil};
-use host_sim::screen::Screen;
+use sinusoid::{sinc, sinusoid};
 use std::f64::consts::{PI, TAU};
 
 const BEACON_M: f64 = 12_000.0;
 const LAYER_M: f64 = 3_000.0;
 const B: f64 = 0.75;
-
-fn sinc(u: f64) -> f64 {
-    if u == 0.0 { 1.0 } else { u.sin() / u }
-}
-
-fn sinusoid(pupil: &Pupil, axis: usize, amplitude: f64, k: f64, psi: f64) -> Atmosphere {
-    let extent_m = [pupil.diameter_m() * 1.1; 2];
-    let screen = Screen::from_fn(extent_m, pupil.pitch_m() / 16.0, |x, y| {
-        amplitude * (k * [x, y][axis] + psi).cos()
-    });
-    let still =
-        Layer { weight: 1.0, height_m: LAYER_M, wind_speed_m_per_s: 0.0, wind_direction_deg: 0.0 };
-    Atmosphere::from_screens(vec![(still, screen.unwrap())], pupil.diameter_m(), 0.0).unwrap()
-}
 
 fn centre_of_gravity(image: &[f32], window: usize) -> [f64; 2] {
     let (mut sum, mut x, mut y) = (0.0, 0.0, 0.0);
@@ -61,7 +49,7 @@ fn sinusoidal_layer() {
         for cycles in [0.5, 1.0, 1.5, 2.0, 3.0] {
             for psi in [0.3, 1.9] {
                 let (amplitude, k) = (0.02, TAU * cycles / diameter_m);
-                let atmosphere = sinusoid(&pupil, axis, amplitude, k, psi);
+                let atmosphere = sinusoid(&pupil, axis, LAYER_M, [amplitude, k, psi]);
                 // px per (rad per m): lambda/(2 pi) in pixels of lambda/2d
                 let scale = amplitude * B * k * d / PI;
                 let centres = pupil.subapertures().iter().map(|s| pupil.centre_m(s[axis]));

@@ -9,27 +9,17 @@
 //! gradient -A b_z k sin(k b_z x + k (1 - b_z) x_i + psi), whose mean over |x| < D/2 is
 //! -A b_z k sin(k (1 - b_z) x_i + psi) sinc(k b_z D/2). It moves the image the other way.
 
-use host_sim::atmosphere::{Atmosphere, Layer};
+#[path = "common/sinusoid.rs"]
+mod sinusoid;
+
+use host_sim::atmosphere::Atmosphere;
 use host_sim::optics::geometric::{GeometricSensor, Sensor};
 use host_sim::optics::splash_image::PIXELS_PER_LAMBDA_D;
 use host_sim::pupil::{Mirror, Pupil};
-use host_sim::screen::Screen;
+use sinusoid::{sinc, sinusoid};
 use std::f64::consts::{PI, TAU};
 
 const BEACON_M: f64 = 12_000.0;
-
-fn sinc(u: f64) -> f64 {
-    if u == 0.0 { 1.0 } else { u.sin() / u }
-}
-
-/// A layer A cos(k x + psi) along `axis`.
-fn sinusoid(pupil: &Pupil, axis: usize, height_m: f64, [a, k, psi]: [f64; 3]) -> Atmosphere {
-    let extent_m = [pupil.diameter_m() * 1.1; 2];
-    let phase = |x: f64, y: f64| a * (k * [x, y][axis] + psi).cos();
-    let screen = Screen::from_fn(extent_m, pupil.pitch_m() / 16.0, phase).unwrap();
-    let still = Layer { weight: 1.0, height_m, wind_speed_m_per_s: 0.0, wind_direction_deg: 0.0 };
-    Atmosphere::from_screens(vec![(still, screen)], pupil.diameter_m(), 0.0).unwrap()
-}
 
 fn sensor(pupil: &Pupil, atmosphere: &Atmosphere) -> GeometricSensor {
     let (splash, scale) = (Sensor::Splash, PIXELS_PER_LAMBDA_D);

@@ -1,6 +1,9 @@
 //! Beams that are not uniform: far fields against the transform of a cut-off Gaussian beam, centroids
 //! against its weighted mean gradient.
 
+#[path = "common/still_air.rs"]
+mod still_air;
+
 use host_sim::atmosphere::{Atmosphere, Layer};
 use host_sim::optics::geometric::{GeometricSensor, Sensor};
 use host_sim::optics::launch::Launch;
@@ -8,12 +11,9 @@ use host_sim::optics::splash_image::{PIXELS_PER_LAMBDA_D, SplashCamera};
 use host_sim::pupil::{Mirror, Pupil};
 use host_sim::screen::Screen;
 use std::f64::consts::{PI, SQRT_2, TAU};
+use still_air::still_air;
 
 const BEACON_M: f64 = 12_000.0;
-
-fn still_air(pupil: &Pupil) -> Atmosphere {
-    Atmosphere::from_screens(vec![], pupil.diameter_m(), 0.0).unwrap()
-}
 
 fn images(
     pupil: &Pupil,

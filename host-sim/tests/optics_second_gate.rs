@@ -1,13 +1,19 @@
 //! Images of a second gate: against Fresnel propagation in one dimension, mean gradients, rays and what is known of a
 //! flat wavefront.
 
-use host_sim::atmosphere::{Atmosphere, Layer};
+#[path = "common/sinusoid.rs"]
+mod sinusoid;
+#[path = "common/still_air.rs"]
+mod still_air;
+
+use host_sim::atmosphere::Atmosphere;
 use host_sim::optics::gate_image::{Gate, GateCamera};
 use host_sim::optics::launch::Launch;
 use host_sim::optics::slab::Slab;
 use host_sim::pupil::{Mirror, Pupil};
-use host_sim::screen::Screen;
+use sinusoid::{sinc, sinusoid};
 use std::f64::consts::{PI, TAU};
+use still_air::still_air;
 
 const BEACON_M: f64 = 12_000.0;
 const GATE_M: f64 = 6_000.0;
@@ -19,29 +25,12 @@ const SCALE: f64 = 0.25;
 /// Pixels that show the fringes.
 const FINE: f64 = 0.5;
 
-fn sinc(u: f64) -> f64 {
-    if u == 0.0 { 1.0 } else { u.sin() / u }
-}
-
 fn gate(slab: Slab) -> Gate {
     Gate { focus_m: BEACON_M, height_m: GATE_M, slab, wavelength_m: WAVELENGTH_M }
 }
 
 fn sheet() -> Gate {
     gate(Slab::sheet(GATE_M))
-}
-
-fn still_air(pupil: &Pupil) -> Atmosphere {
-    Atmosphere::from_screens(vec![], pupil.diameter_m(), 0.0).unwrap()
-}
-
-/// A layer A cos(k x + psi).
-fn sinusoid(pupil: &Pupil, height_m: f64, [a, k, psi]: [f64; 3]) -> Atmosphere {
-    let extent_m = [pupil.diameter_m() * 1.1 + 0.2; 2];
-    let phase = |x: f64, _: f64| a * (k * x + psi).cos();
-    let screen = Screen::from_fn(extent_m, pupil.pitch_m() / 32.0, phase).unwrap();
-    let still = Layer { weight: 1.0, height_m, wind_speed_m_per_s: 0.0, wind_direction_deg: 0.0 };
-    Atmosphere::from_screens(vec![(still, screen)], pupil.diameter_m(), 0.0).unwrap()
 }
 
 fn look(pupil: &Pupil, air: &Atmosphere, gate: &Gate, mirror: &Mirror) -> Vec<Vec<f64>> {
@@ -118,7 +107,7 @@ fn images_are_those_of_fresnel_propagation() {
         [(3_000.0, [0.0, 1.0, 0.0]), (3_000.0, [2.0, 1.0, 0.7]), (4_500.0, [4.0, 0.6, 2.0])]
     {
         let k = TAU * cycles / PITCH_M;
-        let air = sinusoid(&pupil, height_m, [a, k, psi]);
+        let air = sinusoid(&pupil, 0, height_m, [a, k, psi]);
         let camera = GateCamera::new(&pupil, &air, &sheet(), FINE, WINDOW).unwrap();
         let seen = columns(&images(camera, &air, &Mirror::flat(1))[0]);
         let b_z = 1.0 - height_m / GATE_M;
@@ -145,7 +134,7 @@ fn centres_of_gravity_are_mean_gradients() {
     let gain = 1.0 - edge * WINDOW as f64;
     for (height_m, cycles, psi) in [(3_000.0, 1.0, 0.3), (1_500.0, 2.5, 1.9), (0.0, 2.0, 0.8)] {
         let (a, k) = (2.0, TAU * cycles / diameter_m);
-        let air = sinusoid(&pupil, height_m, [a, k, psi]);
+        let air = sinusoid(&pupil, 0, height_m, [a, k, psi]);
         let flat = Mirror::flat(36);
         let camera = GateCamera::new(&pupil, &air, &sheet(), FINE, WINDOW).unwrap();
         let seen = images(camera, &air, &flat);
@@ -274,7 +263,7 @@ fn gates_that_cannot_be_are_refused() {
 #[test]
 fn axes_do_not_mix() {
     let pupil = Pupil::square(3, 8, PITCH_M).unwrap();
-    let air = sinusoid(&pupil, 2_000.0, [1.5, PI, 0.4]);
+    let air = sinusoid(&pupil, 0, 2_000.0, [1.5, PI, 0.4]);
     for image in look(&pupil, &air, &sheet(), &Mirror::flat(9)) {
         let transposed: Vec<f64> =
             (0..WINDOW * WINDOW).map(|k| image[k % WINDOW * WINDOW + k / WINDOW]).collect();

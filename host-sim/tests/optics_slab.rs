@@ -1,17 +1,17 @@
 //! Beacons with depth, in still air: geometric blur, elongation, light and centroids of out-of-focus slices.
 
+#[path = "common/still_air.rs"]
+mod still_air;
+
 use host_sim::atmosphere::{Atmosphere, Layer};
 use host_sim::optics::slab::Slab;
 use host_sim::optics::splash_image::SplashCamera;
 use host_sim::pupil::{Mirror, Pupil};
 use host_sim::screen::Screen;
+use still_air::still_air;
 
 const BEACON_M: f64 = 12_000.0;
 const WAVELENGTH_M: f64 = 532e-9;
-
-fn still_air(pupil: &Pupil) -> Atmosphere {
-    Atmosphere::from_screens(vec![], pupil.diameter_m(), 0.0).unwrap()
-}
 
 /// The spots' images, `window` pixels of lambda/(d `scale`) wide: one period each.
 fn images(pupil: &Pupil, beacon_m: f64, slab: Option<Slab>, scale: f64) -> Vec<Vec<f64>> {

@@ -1,11 +1,15 @@
 //! What SPLASH spots do under tilts, pokes and turbulence at the ground.
 
+#[path = "common/still_air.rs"]
+mod still_air;
+
 use host_sim::atmosphere::{Atmosphere, Layer};
 use host_sim::optics::OpticsError;
 use host_sim::optics::geometric::{GeometricSensor, Sensor};
 use host_sim::optics::splash_image::{PIXELS_PER_LAMBDA_D, SplashCamera};
 use host_sim::pupil::{Mirror, Pupil};
 use std::f64::consts::PI;
+use still_air::still_air;
 
 const BEACON_M: f64 = 12_000.0;
 const WINDOW: usize = 16;
@@ -17,10 +21,6 @@ fn layer(weight: f64, height_m: f64, wind_direction_deg: f64) -> Layer {
 
 fn turbulence(pupil: &Pupil, layers: &[Layer], seed: u64) -> Atmosphere {
     Atmosphere::new(0.5, layers, pupil.diameter_m(), pupil.pitch_m(), 0.5, seed).unwrap()
-}
-
-fn still_air(pupil: &Pupil) -> Atmosphere {
-    Atmosphere::from_screens(vec![], pupil.diameter_m(), 0.0).unwrap()
 }
 
 fn expose(pupil: &Pupil, atmosphere: &Atmosphere, time_s: f64, mirror: &Mirror) -> Vec<f32> {

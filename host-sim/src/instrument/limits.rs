@@ -242,6 +242,17 @@ impl Instrument {
     }
 }
 
+/// Refuses rows that do not draw a grid of `across` x `across` cells.
+pub(super) fn check_drawing(field: &str, rows: &[String], across: usize) -> Result<(), Error> {
+    if rows.len() == across && rows.iter().all(|row| row.len() == across) {
+        return Ok(());
+    }
+    let widths: Vec<usize> = rows.iter().map(String::len).collect();
+    let found = format!("{} rows of lengths {widths:?}", rows.len());
+    let limit = format!("telescope.subapertures = {across} rows of that length");
+    Err(refuse(field, found, &limit))
+}
+
 /// What the firmware's law takes.
 pub(super) fn check_lever_arm(factor: f64) -> Result<(), Error> {
     within("control.lever_arm", factor, 0.5, 1.9)

@@ -1,6 +1,7 @@
 //! The schedule of an instrument: which spots are lit together.
 
 use super::Instrument;
+use super::limits::check_drawing;
 use crate::error::{Error, refuse};
 use serde::{Deserialize, Serialize};
 use splash_firmware::schedule::{MAX_COLOURS, colour};
@@ -176,12 +177,7 @@ impl Instrument {
                 Err(refuse("schedule.colours", format!("{} numbers", colours.len()), &limit))
             }
             Colours::Rows(rows) => {
-                if rows.len() != across || rows.iter().any(|row| row.len() != across) {
-                    let widths: Vec<usize> = rows.iter().map(String::len).collect();
-                    let found = format!("{} rows of lengths {widths:?}", rows.len());
-                    let limit = format!("telescope.subapertures = {across} rows of that length");
-                    return Err(refuse("schedule.colours", found, &limit));
-                }
+                check_drawing("schedule.colours", rows, across)?;
                 cells.iter().map(|&(x, y)| drawn(&rows[y], x)).collect()
             }
         }
