@@ -111,8 +111,8 @@ impl Parts {
 
     /// Pixels of a laser guide star without noise.
     fn pixels(&self) -> Vec<u16> {
-        let Self { instrument, reconstructor, pupil, sky, mirror } = self;
-        let imager = Imager::new(instrument, reconstructor, Sensor::Lgs, pupil, sky);
+        let Self { reconstructor, pupil, sky, mirror, .. } = self;
+        let imager = Imager::new(reconstructor, Sensor::Lgs, pupil, sky);
         let mut imager = imager.expect("imager");
         imager.expose(sky, TIME_S, mirror, None).expect("windows").to_vec()
     }

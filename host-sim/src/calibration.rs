@@ -249,7 +249,7 @@ impl<'a> Bench<'a> {
     ) -> Result<Self, Error> {
         let instrument = reconstructor.instrument();
         let pupil = instrument.pupil()?;
-        let imager = Imager::new(instrument, reconstructor, sensor, &pupil, sky)?;
+        let imager = Imager::new(reconstructor, sensor, &pupil, sky)?;
         let board = in_process(&reconstructor.spec())?;
         let second = reconstructor.law().map(|_| gate_path_m_per_px(instrument));
         Ok(Self {

@@ -272,8 +272,8 @@ impl CentroidStudy {
 
     /// SPLASH's images of skies like this.
     fn imager(&self, sky: &Atmosphere) -> Result<Imager, Error> {
-        let Self { instrument, pupil, reconstructors, .. } = self;
-        Imager::new(instrument, &reconstructors[0], Sensor::Splash, pupil, sky)
+        let Self { pupil, reconstructors, .. } = self;
+        Imager::new(&reconstructors[0], Sensor::Splash, pupil, sky)
     }
 
     /// Its exact gradients, px.

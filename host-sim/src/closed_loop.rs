@@ -152,9 +152,9 @@ impl<'a> ClosedLoop<'a> {
             return Err(refuse("second_gate.height_m", instrument.second_gate.height_m, limit));
         }
         let eye = match run.sensing {
-            Sensing::Images => Eye::Images(
-                Imager::new(instrument, reconstructor, run.sensor, &pupil, &atmosphere)?.into(),
-            ),
+            Sensing::Images => {
+                Eye::Images(Imager::new(reconstructor, run.sensor, &pupil, &atmosphere)?.into())
+            }
             Sensing::Geometric => Eye::Gradients {
                 sensor: gradients(instrument, run.sensor, &pupil, &atmosphere)?.into(),
                 second: match two_gates {

@@ -3,7 +3,6 @@
 use crate::atmosphere::Atmosphere;
 use crate::detector::{Detector, place};
 use crate::error::Error;
-use crate::instrument::Instrument;
 use crate::lighting::Lighting;
 use crate::optics::camera::Camera;
 use crate::optics::geometric::Sensor;
@@ -51,17 +50,17 @@ impl View {
 }
 
 impl Imager {
-    /// That of `sensor` in an instrument, for atmospheres like `atmosphere`.
+    /// That of `sensor` in the reconstructor's instrument, with its gates, for atmospheres like `atmosphere`.
     ///
     /// # Errors
     /// [`Error::Config`] for what the optics refuse.
     pub fn new(
-        instrument: &Instrument,
         reconstructor: &Reconstructor,
         sensor: Sensor,
         pupil: &Pupil,
         atmosphere: &Atmosphere,
     ) -> Result<Self, Error> {
+        let instrument = reconstructor.instrument();
         let (scale, field) = (instrument.windows.pixels_per_lambda_d, instrument.field_px());
         // A window is in the middle of what is seen of its spot.
         let margin = (field - instrument.windows.size) / 2;

@@ -105,7 +105,7 @@ impl Reconstructor {
     }
 
     /// With the second gate of the description, if it has one: designs the combination, for which `progress` is told the
-    /// fraction done. Slopes of the second gate are those of an ideal sensor.
+    /// fraction done. As [`Self::combining_gates`] otherwise.
     ///
     /// # Errors
     /// As [`Reconstructor::new`].
@@ -120,7 +120,8 @@ impl Reconstructor {
         self.combining_gates(Combination::from(&design))
     }
 
-    /// With the second gate of the description and this law. Slopes are those of an ideal sensor.
+    /// With the second gate of the description and this law. The second gate's slopes are those of an ideal sensor, the
+    /// first's stay.
     ///
     /// # Errors
     /// As [`Reconstructor::new`].

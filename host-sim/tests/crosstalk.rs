@@ -66,7 +66,7 @@ fn frame(instrument: &Instrument, number: u32) -> (usize, Vec<f64>) {
         .unwrap()
         .realise(4, &mut |_| ());
     let sensor = Sensor::Splash;
-    let mut imager = Imager::new(instrument, &reconstructor, sensor, &pupil, &sky).unwrap();
+    let mut imager = Imager::new(&reconstructor, sensor, &pupil, &sky).unwrap();
     imager.light(number);
     let mirror = Mirror::flat(pupil.subapertures().len());
     let pixels = imager.expose(&sky, 0.0, &mirror, None).unwrap();
@@ -149,8 +149,7 @@ fn still_air_has_the_pattern_of_a_square() {
     let reconstructor = Reconstructor::new(&instrument).unwrap();
     let pupil = instrument.pupil().unwrap();
     let still = Atmosphere::from_screens(Vec::new(), pupil.diameter_m(), 0.0).unwrap();
-    let mut imager =
-        Imager::new(&instrument, &reconstructor, Sensor::Splash, &pupil, &still).unwrap();
+    let mut imager = Imager::new(&reconstructor, Sensor::Splash, &pupil, &still).unwrap();
     let mirror = Mirror::flat(16);
     let pixels = imager.expose(&still, 0.0, &mirror, None).unwrap();
     let detector = &instrument.detector;

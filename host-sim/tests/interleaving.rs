@@ -83,8 +83,7 @@ fn seen(instrument: &Instrument, frame: u32) -> Vec<f64> {
     let reconstructor = Reconstructor::new(instrument).unwrap();
     let pupil = instrument.pupil().unwrap();
     let still = Atmosphere::from_screens(Vec::new(), pupil.diameter_m(), 0.0).unwrap();
-    let mut imager =
-        Imager::new(instrument, &reconstructor, Sensor::Splash, &pupil, &still).unwrap();
+    let mut imager = Imager::new(&reconstructor, Sensor::Splash, &pupil, &still).unwrap();
     imager.light(frame);
     let mirror = Mirror::flat(pupil.subapertures().len());
     let pixels = imager.expose(&still, 0.0, &mirror, None).unwrap();

@@ -7,6 +7,7 @@ mod sinusoid;
 mod still_air;
 
 use host_sim::atmosphere::Atmosphere;
+use host_sim::instrument::Instrument;
 use host_sim::optics::gate_image::{Gate, GateCamera};
 use host_sim::optics::launch::Launch;
 use host_sim::optics::slab::Slab;
@@ -236,6 +237,39 @@ fn depth_blurs_and_stretches() {
     }
 }
 
+/// A description's slab has slices enough: four times as many give the same images, at the depth that blurs spots as
+/// far as there is room.
+#[test]
+fn slabs_have_slices_enough() {
+    for n in [8, 24] {
+        let depth_m = 0.99 * 375.0 * 8.0 / f64::from(n);
+        let toml = format!(
+            "[telescope]\nsubapertures = {n}\n[laser]\nslices = 0\ngate_depth_m = 10.0\n\
+             [second_gate]\nheight_m = 6000.0\ndepth_m = {depth_m}"
+        );
+        let instrument = Instrument::parse(&toml, "test").unwrap();
+        instrument.check().unwrap();
+        let count = instrument.gate().unwrap().unwrap().slab.count();
+        // Two subapertures at the ends of a diameter of the large pupil: all of the blur and the stretch.
+        let across = n as usize;
+        let at_end = |k: usize| k / across == across / 2 && [0, across - 1].contains(&(k % across));
+        let mask = (0..across * across).map(at_end).collect();
+        let pupil = Pupil::new(across, 2, PITCH_M, mask).unwrap();
+        let air = still_air(&pupil);
+        let [few, many] = [count, (4 * count).min(64)].map(|count| {
+            let slab = Slab::gated(GATE_M, depth_m, WAVELENGTH_M, count, |_| 1.0).unwrap();
+            look(&pupil, &air, &gate(slab), &Mirror::flat(2))
+        });
+        let mut worst = 0.0_f64;
+        for (few, many) in few.iter().zip(&many) {
+            let peak = many.iter().copied().fold(0.0, f64::max);
+            worst = few.iter().zip(many).fold(worst, |w, (a, b)| w.max((a - b).abs() / peak));
+        }
+        println!("N = {n}, {depth_m:.0} m: {count} slices, {worst:.1e} of the peak");
+        assert!(worst < 0.01, "N = {n}: {worst}");
+    }
+}
+
 #[test]
 fn gates_that_cannot_be_are_refused() {
     let pupil = Pupil::square(4, 8, PITCH_M).unwrap();
@@ -252,8 +286,8 @@ fn gates_that_cannot_be_are_refused() {
     let low = Gate { height_m: 500.0, ..sheet() };
     assert_eq!(
         refused(low, SCALE, WINDOW),
-        "gate_height_m = 500: must be higher, or shallower: its spots and their field are 912 lambda/d wide, at \
-         most 512 are sampled"
+        "gate_height_m = 500: must be one whose spots, their blur and their window are at most 512 lambda/d \
+         wide"
     );
     assert_eq!(refused(sheet(), SCALE, 33), "window = 33: must be 4 to 32 pixels");
     assert_eq!(refused(sheet(), 0.0, WINDOW), "pixels_per_lambda_d = 0: must be finite and > 0");

@@ -1,12 +1,15 @@
 //! Two gates by images: in a closed loop beside exact gradients, with noise, and recorded.
 
+use host_sim::atmosphere::Atmosphere;
 use host_sim::board::in_process;
 use host_sim::calibration::calibrated;
 use host_sim::closed_loop::{ClosedLoop, Run, Sensing};
 use host_sim::files::fits::FitsReader;
+use host_sim::imager::Imager;
 use host_sim::instrument::Instrument;
 use host_sim::monte_carlo::statistics::Mean;
 use host_sim::optics::geometric::Sensor;
+use host_sim::pupil::Mirror;
 use host_sim::reconstructor::Reconstructor;
 
 const TWO_GATES: &str = "[second_gate]\nheight_m = 6000.0\n";
@@ -59,6 +62,44 @@ fn images_of_two_gates_leave_what_gradients_do() {
     assert!(mean > 3.0 * standard_error && mean > 0.1, "{mean} +- {standard_error}");
 }
 
+/// Frames of a flat wavefront: the light in each half of the detector, and centroids that follow their segments.
+#[test]
+fn both_gates_have_their_light_and_their_calibration() {
+    let toml =
+        "[telescope]\nsubapertures = 4\nsamples = 16\n[windows]\nsize = 32\nspacing_px = 32\n\
+                [centroids]\nestimator = \"plain\"\nthreshold_sigma = 0\n"
+            .to_string()
+            + TWO_GATES;
+    let instrument = frozen(&toml);
+    let reconstructor = prepared(&instrument, Sensing::Images);
+    let pupil = instrument.pupil().unwrap();
+    let still = Atmosphere::from_screens(vec![], pupil.diameter_m(), 0.0).unwrap();
+    let mut imager = Imager::new(&reconstructor, Sensor::Splash, &pupil, &still).unwrap();
+    let flat = Mirror::flat(pupil.subapertures().len());
+    let pixels = imager.expose(&still, 0.0, &flat, None).unwrap();
+    let bias = instrument.detector.bias_adu;
+    let halves = pixels.chunks(pixels.len() / 2);
+    let light: Vec<f64> =
+        halves.map(|half| half.iter().map(|&p| f64::from(p) - bias).sum()).collect();
+    // Wings reach beyond the windows of both.
+    let expected = instrument.gate_light().unwrap();
+    assert!((light[1] / light[0] / expected - 1.0).abs() < 0.03, "{light:?}, {expected}");
+    // Half a wave from centre to edge is a pixel of lambda/d; of a window that is as wide as the spots' distance, the
+    // light at its edges is missing of a shift.
+    let gates = [
+        (reconstructor.slopes(), instrument.windows.pixels_per_lambda_d),
+        (reconstructor.second_slopes().unwrap(), instrument.gate_pixels_per_lambda_d()),
+    ];
+    for (slopes, scale) in gates {
+        let path_m = instrument.laser.wavelength_m / (2.0 * scale);
+        for (reference, gain) in slopes.reference_px.iter().zip(&slopes.gain_m_per_px) {
+            assert!(reference.iter().all(|c| c.abs() < 0.02), "{reference:?}");
+            assert!((gain[0][0] / path_m - 1.0).abs() < 0.1, "{gain:?} of {path_m}");
+            assert!(gain[0][1].abs() < 0.02 * path_m, "{gain:?}");
+        }
+    }
+}
+
 /// A recording has both gates' pixels, calibration and law: it replays to the same codes.
 #[test]
 fn recorded_frames_of_two_gates_are_replayed() {
@@ -88,8 +129,8 @@ fn recorded_frames_of_two_gates_are_replayed() {
 #[test]
 fn light_and_pixels_are_those_of_the_gate() {
     let instrument = Instrument::parse(TWO_GATES, "test").unwrap();
-    // U.S. Standard Atmosphere 1976, kg/m^3 at 8.4 and 14.4 km: 0.5027 and 0.2145 by its table.
-    let expected = 0.5027 / 0.2145 * 4.0;
+    // U.S. Standard Atmosphere 1976, kg/m^3 at 8.4 and 14.4 km: 0.5027 and 0.2145 by its table. A sixth of the depth.
+    let expected = 0.5027 / 0.2145 * 4.0 / 6.0;
     let light = instrument.gate_light().unwrap();
     assert!((light / expected - 1.0).abs() < 0.02, "{light} of {expected}");
     let given = format!("{TWO_GATES}electrons_per_spot = 5000\npixels_per_lambda_d = 0.3");
@@ -104,11 +145,8 @@ fn light_and_pixels_are_those_of_the_gate() {
 #[test]
 fn second_gates_that_cannot_be_are_refused() {
     for (toml, error) in [
-        ("height_m = 13000.0", "second_gate.height_m = 13000: must be from 0 to 12000"),
-        (
-            "height_m = 6000.0\ndepth_m = 7000.0",
-            "second_gate.depth_m = 7000: must be from 0.001 to 6000",
-        ),
+        // 12 km less half of both gates.
+        ("height_m = 11900.0", "second_gate.height_m = 11900: must be from 0 to 11825"),
         (
             "height_m = 6000.0\nelectrons_per_spot = -1",
             "second_gate.electrons_per_spot = -1: must be from 0 to 1e9",
@@ -117,13 +155,39 @@ fn second_gates_that_cannot_be_are_refused() {
             "height_m = 6000.0\npixels_per_lambda_d = 9",
             "second_gate.pixels_per_lambda_d = 9: must be from 0 to 8",
         ),
+        // A window of 160 lambda/d, for spots that are 78 apart.
+        (
+            "height_m = 6000.0\npixels_per_lambda_d = 0.1",
+            "second_gate.pixels_per_lambda_d = 0.1: must be from 0.2042",
+        ),
         (
             "height_m = 6000.0\nslope_noise_rad = [0.1, -0.2]",
             "second_gate.slope_noise_rad[1] = -0.2: must be from 0 to 100",
         ),
+        // d/H = 39 lambda/d are left between spots: z^2 / D of it.
         (
-            "height_m = 30000.0\n[laser]\nbeacon_height_m = 90e3\npulse_rate_hz = 1000\nscatterer = \"sodium\"",
-            "second_gate.electrons_per_spot: photo-electrons per spot and frame = ",
+            "height_m = 6000.0\ndepth_m = 400.0\n[laser]\nslices = 0\ngate_depth_m = 30.0",
+            "second_gate.depth_m = 400: must be at most 375.0 with laser.slices = 0",
+        ),
+        (
+            "height_m = 6000.0\n[schedule]\nlattice = \"2\"",
+            "second_gate.height_m = 6000: must be 0 with [schedule]",
+        ),
+        (
+            "height_m = 6000.0\n[windows]\nlayout = \"sky\"",
+            "windows.layout = \"sky\": must be \"relayed\" with a second gate",
+        ),
+        (
+            "height_m = 500.0",
+            "second_gate.height_m = 500: must be higher: spots are 940 lambda/d apart there, at most 480",
+        ),
+        (
+            "height_m = 6000.0\n[windows]\nspacing_px = 300",
+            "second_gate: rows of the detector = 4800: must be from 1 to 4096",
+        ),
+        (
+            "height_m = 6000.0\n[[detector.bad_pixels]]\nx = 0\ny = 256\nkind = \"hot\"",
+            "detector.bad_pixels[0].y = 256: must be from 0 to 255",
         ),
     ] {
         let found = Instrument::parse(&format!("[second_gate]\n{toml}"), "test").unwrap().check();

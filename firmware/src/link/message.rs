@@ -63,9 +63,9 @@ pub enum Request {
     },
     /// Measurements for [`Request::MeasuredFrame`]; `first` = 0 begins anew. Not answered.
     Measurements {
-        /// Subaperture of the first.
+        /// Window of the first.
         first: u16,
-        /// In mask order.
+        /// In mask order, a second gate's behind the others.
         items: List<Measurement>,
     },
     /// A frame without pixels, of the measurements that came before. Answered as

@@ -72,6 +72,7 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
     let directory = output::directory(args.output.out.as_deref(), "loop")?;
     let mut files = Files::create(&directory, &instrument, &reconstructor, run)?;
     let mut series = Series::default();
+    let mut second_valid = Vec::new();
     let mut digest = CodeDigest::default();
     let mut exposure = LongExposure::new(closed.pupil());
     let bar = progress::bar(u64::from(run.frames), "closed loop", "frames");
@@ -86,6 +87,10 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
         if run.frames - frame <= args.keep {
             files.keep_pixels(step.pixels)?;
             files.keep_phase(closed.residual())?;
+        }
+        if reconstructor.law().is_some() {
+            let valid = closed.board().second_slopes().iter().filter(|slope| slope.valid);
+            second_valid.push(valid.count());
         }
         if frame >= settle {
             exposure.add(closed.residual());
@@ -112,7 +117,7 @@ pub fn run(args: &LoopArgs) -> Result<(), Error> {
         faults: faults(&closed.board().totals(), &standing.faults),
     };
     files.finish()?;
-    write_series(&directory, &series, settle)?;
+    write_series(&directory, &series, &second_valid, settle)?;
     draw(&directory, &closed, &reconstructor, &instrument, &series, settle)?;
     draw_psf(&directory, &exposure, &instrument, run.seed)?;
     output::report(
@@ -233,9 +238,14 @@ impl Files {
     }
 }
 
-/// All series, one line a frame.
-fn write_series(directory: &Path, series: &Series, settle: usize) -> Result<(), Error> {
-    let columns = [
+/// All series, one line a frame; of a second gate, if there is one, how many of its windows were valid.
+fn write_series(
+    directory: &Path,
+    series: &Series,
+    second_valid: &[usize],
+    settle: usize,
+) -> Result<(), Error> {
+    let mut columns = vec![
         "frame",
         "time_s",
         "strehl",
@@ -247,10 +257,13 @@ fn write_series(directory: &Path, series: &Series, settle: usize) -> Result<(), 
         "slewed_actuators",
         "solver_residual_squared",
     ];
+    if !second_valid.is_empty() {
+        columns.push("second_gate_valid");
+    }
     let mut file = SeriesWriter::create(directory.join("series.csv"), &columns)?;
     let running = series.running_strehl(settle);
     for (k, report) in series.reports.iter().enumerate() {
-        file.push(&[
+        let mut line = vec![
             k as f64,
             series.time_s[k],
             series.strehl[k],
@@ -261,7 +274,9 @@ fn write_series(directory: &Path, series: &Series, settle: usize) -> Result<(), 
             f64::from(report.saturated_actuators),
             f64::from(report.slewed_actuators),
             report.residual_squared as f64,
-        ])?;
+        ];
+        line.extend(second_valid.get(k).map(|&valid| valid as f64));
+        file.push(&line)?;
     }
     Ok(file.finish()?)
 }

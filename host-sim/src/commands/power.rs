@@ -66,6 +66,11 @@ pub fn run(args: &PowerArgs) -> Result<(), Error> {
     let mut campaign = Campaign::open(&directory, points, &[Comparator::Splash], false)?;
     let estimate = campaign.estimate(args.long)?;
     campaign.run_what_can_be()?;
+    // All else is measured against what has no noise.
+    let bright = campaign.tasks.chunks(powers_w.len() + 1).filter_map(|tasks| tasks.first());
+    if let Some(words) = bright.filter_map(|task| task.refused.clone()).next() {
+        return Err(Error::Uncalibrated(words));
+    }
     let result = results::gather(&campaign, &studies, &powers_w);
     results::write(&directory, &campaign, &result, args.seed)?;
     let mut table = results::table(&result);

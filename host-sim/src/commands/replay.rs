@@ -16,6 +16,10 @@ use serde::Serialize;
 use splash_firmware::fixed::CENTROID_BITS;
 use std::collections::BTreeMap;
 
+/// Columns of a second gate's measurements.
+const SECOND_GATE: [&str; 4] =
+    ["second_centroid_x_px", "second_centroid_y_px", "second_flux", "second_valid"];
+
 /// The JSON of `host-sim replay`.
 #[derive(Debug, Serialize)]
 struct ReplayResult {
@@ -66,7 +70,7 @@ pub fn run(args: &ReplayArgs) -> Result<(), Error> {
         [3, segments],
         &header,
     )?;
-    let columns = [
+    let mut columns = vec![
         "frame",
         "subaperture",
         "code_0",
@@ -80,6 +84,9 @@ pub fn run(args: &ReplayArgs) -> Result<(), Error> {
         "tip_nm",
         "tilt_nm",
     ];
+    if reconstructor.law().is_some() {
+        columns.extend(SECOND_GATE);
+    }
     let mut series = SeriesWriter::create(directory.join("commands.csv"), &columns)?;
     let mut digest = CodeDigest::default();
     let total = cube.frames();
@@ -101,8 +108,14 @@ pub fn run(args: &ReplayArgs) -> Result<(), Error> {
             let [tip, tilt] = position.tilt_ulp.map(|t| f64::from(t) * nm);
             let piston = f64::from(position.piston_ulp) * nm;
             let (flux, valid) = (f64::from(measurement.flux), f64::from(u8::from(slope.valid)));
-            let (frame, i) = (f64::from(frame), i as f64);
-            series.push(&[frame, i, c0, c1, c2, cx, cy, flux, valid, piston, tip, tilt])?;
+            let mut line = vec![f64::from(frame), i as f64, c0, c1, c2, cx, cy, flux, valid];
+            line.extend([piston, tip, tilt]);
+            let second = (board.second_measurements().get(i), board.second_slopes().get(i));
+            if let (Some(measurement), Some(slope)) = second {
+                line.extend(measurement.centroid_q16.map(|c| f64::from(c) * px));
+                line.extend([f64::from(measurement.flux), f64::from(u8::from(slope.valid))]);
+            }
+            series.push(&line)?;
         }
         bar.inc(1);
     }

@@ -1,6 +1,6 @@
 //! The beacon of an instrument: its beams, its slab, its light.
 
-use super::{Instrument, LaunchName, PhotonNumberName, ScattererName};
+use super::{Instrument, Laser, LaunchName, PhotonNumberName, ScattererName};
 use crate::atmosphere::Turbulence;
 use crate::beacon::{Kind, Link, Scatterer};
 use crate::error::Error;
@@ -40,7 +40,35 @@ impl Instrument {
     /// # Errors
     /// [`Error::Config`] for a slab that cannot be.
     pub fn slab(&self) -> Result<Slab, Error> {
-        self.slab_about(self.laser.beacon_height_m, self.laser.gate_depth_m)
+        let Laser { beacon_height_m, gate_depth_m, slices, .. } = self.laser;
+        let slices = match slices {
+            0 => self.slices_needed(beacon_height_m, gate_depth_m),
+            given => given,
+        };
+        self.slab_about(beacon_height_m, gate_depth_m, slices, self.scatterer())
+    }
+
+    /// Slices that follow the blur of a gate whose camera is focused at its middle.
+    pub(super) fn slices_needed(&self, focus_m: f64, depth_m: f64) -> usize {
+        let (pitch_m, wavelength_m) = (self.telescope.pitch_m, self.laser.wavelength_m);
+        let diameter_m = self.telescope.subapertures as f64 * pitch_m;
+        Slab::slices_needed(focus_m, depth_m, wavelength_m, pitch_m, diameter_m)
+    }
+
+    /// From where the light of such a gate comes; a sheet for one slice.
+    pub(super) fn slab_about(
+        &self,
+        focus_m: f64,
+        depth_m: f64,
+        slices: usize,
+        scatterer: Scatterer,
+    ) -> Result<Slab, Error> {
+        if slices == 1 {
+            return Ok(Slab::sheet(focus_m));
+        }
+        let wavelength_m = self.laser.wavelength_m;
+        let density = |height_m| scatterer.backscatter_per_m_sr(height_m, wavelength_m);
+        Ok(Slab::gated(focus_m, depth_m, wavelength_m, slices, density)?)
     }
 
     /// Photo-electrons per spot and frame, of a subaperture that is lit all over.

@@ -7,7 +7,6 @@ use super::{Instrument, LeverArm, PhotonNumberName};
 use crate::error::{Error, refuse};
 use crate::optics::slab::MAX_SLICES;
 use crate::pupil::MAX_SAMPLES;
-use crate::range_diversity::modes::Modes;
 use splash_firmware::centroid::{MAX_WINDOW, MIN_WINDOW};
 use splash_firmware::control::MAX_DELAY;
 use splash_firmware::gate::SPEED_OF_LIGHT_M_PER_S;
@@ -27,8 +26,8 @@ impl Instrument {
     /// [`Error::Config`] with its name, the value and the limit.
     pub fn check(&self) -> Result<(), Error> {
         self.check_light()?;
-        self.check_second_gate()?;
         self.check_camera()?;
+        self.check_second_gate()?;
         self.check_loop()?;
         self.check_safety()
     }
@@ -134,35 +133,6 @@ impl Instrument {
         Ok(())
     }
 
-    /// The second gate.
-    fn check_second_gate(&self) -> Result<(), Error> {
-        let Self { laser, second_gate, .. } = self;
-        within("second_gate.height_m", second_gate.height_m, 0.0, laser.beacon_height_m)?;
-        if !Modes::COUNTS.contains(&second_gate.modes) {
-            return Err(refuse("second_gate.modes", second_gate.modes, "0, 12 or 25"));
-        }
-        for (index, noise_rad) in second_gate.slope_noise_rad.into_iter().enumerate() {
-            within(&format!("second_gate.slope_noise_rad[{index}]"), noise_rad, 0.0, 100.0)?;
-        }
-        for (index, layer) in second_gate.layers.iter().enumerate() {
-            let check = |field: &str, value, from, to| {
-                within(&format!("second_gate.layers[{index}].{field}"), value, from, to)
-            };
-            check("weight", layer.weight, 1e-6, 1e9)?;
-            check("height_m", layer.height_m, 0.0, 0.999 * laser.beacon_height_m)?;
-        }
-        within("second_gate.electrons_per_spot", second_gate.electrons_per_spot, 0.0, 1e9)?;
-        within("second_gate.pixels_per_lambda_d", second_gate.pixels_per_lambda_d, 0.0, 8.0)?;
-        within("second_gate.depth_m", second_gate.depth_m, 1e-3, 1e6)?;
-        if !self.has_second_gate() {
-            return Ok(());
-        }
-        within("second_gate.depth_m", second_gate.depth_m, 1e-3, second_gate.height_m)?;
-        let electrons = self.electrons_per_spot()? * self.gate_light()?;
-        let name = "second_gate.electrons_per_spot: photo-electrons per spot and frame";
-        within(name, electrons, 1e-3, 1e9)
-    }
-
     /// Detector and windows.
     fn check_camera(&self) -> Result<(), Error> {
         let Self { detector, windows, .. } = self;
@@ -188,11 +158,12 @@ impl Instrument {
             return Err(refuse("windows.size", windows.size, &limit));
         }
         self.origins()?;
-        let last = (self.detector_side() - 1) as f64;
+        let side = self.detector_side();
+        let rows = if self.has_second_gate() { 2 * side } else { side };
         for (index, pixel) in detector.bad_pixels.iter().enumerate() {
-            for (axis, value) in [("x", pixel.x), ("y", pixel.y)] {
+            for (axis, value, count) in [("x", pixel.x, side), ("y", pixel.y, rows)] {
                 let field = format!("detector.bad_pixels[{index}].{axis}");
-                within(&field, value as f64, 0.0, last)?;
+                within(&field, value as f64, 0.0, (count - 1) as f64)?;
             }
         }
         Ok(())

@@ -106,6 +106,11 @@ impl ScheduleSection {
         }
     }
 
+    /// Whether there is neither a lattice nor a list of colours.
+    pub(super) fn lights_all(&self) -> bool {
+        self.lattice().is_none() && self.colours.is_empty()
+    }
+
     /// a, b and c, if there is a lattice.
     pub(crate) fn lattice(&self) -> Option<[u8; 3]> {
         match &self.lattice {

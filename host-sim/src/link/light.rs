@@ -78,7 +78,7 @@ impl Simulated {
         let reconstructor = Reconstructor::new(instrument)?;
         let pupil = instrument.pupil()?;
         let still = Atmosphere::from_screens(Vec::new(), pupil.diameter_m(), 0.0)?;
-        let imager = Imager::new(instrument, &reconstructor, Sensor::Splash, &pupil, &still)?;
+        let imager = Imager::new(&reconstructor, Sensor::Splash, &pupil, &still)?;
         let pixels = instrument.detector_side().pow(2);
         Ok(Self {
             device: SegmentedMirror::new(instrument),
@@ -100,7 +100,7 @@ impl Simulated {
         let duration_s = f64::from(SKY_FRAMES) * instrument.frame_s();
         let turbulence = instrument.turbulence(pupil, duration_s)?;
         let sky = turbulence.realise(self.seed, &mut |_| ());
-        let imager = Imager::new(instrument, reconstructor, Sensor::Splash, pupil, &sky)?;
+        let imager = Imager::new(reconstructor, Sensor::Splash, pupil, &sky)?;
         Ok((sky, imager))
     }
 

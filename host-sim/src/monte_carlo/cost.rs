@@ -51,14 +51,7 @@ impl Cost {
         // All work is on samples.
         let scale = (pupil.samples() as f64 / 8.0).powi(2);
         let slices = instrument.slab()?.count() as f64;
-        let gate_s = match instrument.gate()? {
-            Some(gate) => {
-                let scale = instrument.gate_pixels_per_lambda_d();
-                let samples = gate.samples(pupil, scale, instrument.windows.size) as f64;
-                pupil.subapertures().len() as f64 * GATE_S * (samples / 80.0).powi(2)
-            }
-            None => 0.0,
-        };
+        let gate = Self::of_second_gate(point)?;
         let one = |case: &Case| {
             let (frames, sensing) = match case.until {
                 None if case.comparator == Comparator::Fit => (point.averaged().len(), sensing),
@@ -77,11 +70,15 @@ impl Cost {
                     // The star is looked at in every frame, each spot once in a cycle.
                     let star_s = frame_s(Comparator::Fit, sensing, n);
                     let spots_s = frame_s(case.comparator, sensing, n) - star_s;
-                    star_s + spots_s / f64::from(point.cycle()) + gate_s
+                    star_s + spots_s / f64::from(point.cycle())
                 }
                 (comparator, sensing) => frame_s(comparator, sensing, n),
             };
-            frames as f64 * slices * scale * frame_s
+            let second_s = match (case.comparator, sensing) {
+                (Comparator::Splash, Sensing::Images) => gate.core_s,
+                _ => 0.0,
+            };
+            frames as f64 * (slices * scale * frame_s + second_s)
         };
         let loops = cases.iter().map(one);
         let detector = instrument.detector_side() as u64;
@@ -99,7 +96,25 @@ impl Cost {
         Ok(Self {
             core_s: DRAW_S * all as f64 + loops.sum::<f64>(),
             shared: BASE + SPECTRUM * all,
-            each: DRAWING * largest + DRAWN * all + arrays,
+            each: DRAWING * largest + DRAWN * all + arrays + gate.each,
+        })
+    }
+
+    /// That of a frame of a second gate.
+    fn of_second_gate(point: &Point) -> Result<Self, Error> {
+        let (instrument, pupil) = (point.instrument(), point.pupil());
+        let images = point.conditions().sensing == Sensing::Images;
+        let Some(gate) = instrument.gate()?.filter(|_| images) else { return Ok(Self::default()) };
+        let scale = instrument.gate_pixels_per_lambda_d();
+        let samples = gate.samples(pupil, scale, instrument.windows.size) as u64;
+        let spots = pupil.subapertures().len() as u64;
+        let side = instrument.detector_side() as u64;
+        // Fields and their transforms; the slab's transfer functions, of each spot; the other half of the detector.
+        let slab = if gate.slab.count() > 1 { spots * 2 * samples * samples * 8 } else { 0 };
+        Ok(Self {
+            core_s: spots as f64 * GATE_S * (samples as f64 / 80.0).powi(2),
+            shared: 0,
+            each: 7 * samples * samples * 8 + slab + 80 * side * side,
         })
     }
 }

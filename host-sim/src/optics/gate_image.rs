@@ -107,8 +107,9 @@ impl Gate {
         let spot = e_per_m * pitch_m * pitch_m / wavelength_m;
         let blur = self.slab.blur_rad(pupil.diameter_m(), wavelength_m) * pitch_m / wavelength_m;
         let period = (spot + blur + MARGIN_LAMBDA_D).max(window as f64 / pixels_per_lambda_d);
-        // Multiples of 8 have quick transforms.
-        (period.ceil() as usize).next_multiple_of(8).max(pupil.samples())
+        // Multiples of 8 have quick transforms. Far too many are too many as well.
+        let least = period.min(2.0 * MAX_SAMPLES as f64).ceil() as usize;
+        least.next_multiple_of(8).max(pupil.samples())
     }
 }
 
@@ -117,7 +118,7 @@ impl GateCamera {
     /// look through atmospheres like `atmosphere`.
     ///
     /// # Errors
-    /// [`OpticsError`] if the gate is not below the focus, or its spots are too wide to be sampled.
+    /// [`OpticsError`] if the gate is above the focus, or its spots are too wide to be sampled.
     pub fn new(
         pupil: &Pupil,
         atmosphere: &Atmosphere,
@@ -128,6 +129,7 @@ impl GateCamera {
         let Gate { focus_m, height_m: gate_m, ref slab, wavelength_m } = *gate;
         check_geometry(pupil, atmosphere, Some(focus_m))?;
         super::error::positive("pixels_per_lambda_d", pixels_per_lambda_d)?;
+        super::error::positive("wavelength_m", wavelength_m)?;
         if !(4..=32).contains(&window) {
             return Err(OpticsError::range("window", window as f64, "4 to 32 pixels"));
         }
@@ -137,8 +139,7 @@ impl GateCamera {
         let samples = gate.samples(pupil, pixels_per_lambda_d, window);
         if samples > MAX_SAMPLES {
             let limit = format!(
-                "higher, or shallower: its spots and their field are {samples} lambda/d wide, at most \
-                 {MAX_SAMPLES} are sampled"
+                "one whose spots, their blur and their window are at most {MAX_SAMPLES} lambda/d wide"
             );
             return Err(OpticsError::range("gate_height_m", gate_m, limit));
         }

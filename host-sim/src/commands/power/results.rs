@@ -47,7 +47,7 @@ struct PowerPoint {
     electrons_per_spot: f64,
     strehl: f64,
     strehl_se: f64,
-    /// Why there is no Strehl ratio: spots too faint to calibrate the loop; else null.
+    /// Why there is no Strehl ratio: spots that do not follow their segments; else null.
     refused: Option<String>,
     /// Strehl ratio less 90 % of that without noise, under the same screens.
     margin: f64,
@@ -206,7 +206,7 @@ pub(super) fn table(result: &PowerResult) -> Vec<(&'static str, String)> {
         ));
         for p in &beacon.points {
             let found = match p.refused {
-                Some(_) => "too faint to calibrate".to_string(),
+                Some(_) => "cannot be calibrated".to_string(),
                 None => format!("{:.4} +- {:.4}", p.strehl, p.strehl_se),
             };
             let light = format!("{:>6} W {:>8.0} electrons", p.power_w, p.electrons_per_spot);
