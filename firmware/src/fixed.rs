@@ -250,14 +250,16 @@ const fn roots() -> [u32; ROOT_CELLS] {
 
 /// Leading zeros rounded down to a multiple of four, 28 at most.
 #[inline(always)]
-const fn leading_nibbles(x: u32) -> u32 {
+fn leading_nibbles(x: u32) -> u32 {
     if cfg!(target_arch = "riscv32") {
-        // The base instruction set has no count of zeros, and the library's takes twice as long.
+        // The base instruction set has no count of zeros, and the library's takes twice as long. A limit
+        // that the compiler does not know stays in a register: it would compare a shifted number with 0.
         let mut x = x;
         let mut shift = 0;
         let mut step = 16u32;
         while step >= 4 {
-            let zeros = ((x >> (32 - step) == 0) as u32) << step.trailing_zeros();
+            let limit = crate::dsp::opaque(1 << (32 - step)) as u32;
+            let zeros = borrow(x, limit) << step.trailing_zeros();
             x <<= zeros;
             shift += zeros;
             step /= 2;

@@ -140,20 +140,32 @@ impl<const M: usize> Mirror<M> {
         mut shown: impl FnMut(W, Position),
     ) -> Step<'_, M> {
         let travel = &config.travel;
-        let limits = if travel.is_free() {
-            let bits = travel.ratio_bits;
-            self.advance(config, items, move |segment, _, _, mut item| {
-                let step = segment.go(wanted(&mut item), bits);
-                shown(item, step.position);
-                step
-            })
-        } else {
-            self.advance(config, items, move |segment, position, heights, mut item| {
-                let step = segment.advance(position, heights, wanted(&mut item), travel);
-                shown(item, step.position);
-                step
-            })
-        };
+        if travel.is_free() {
+            return self.pass_freely(config, items, wanted, shown);
+        }
+        let limits = self.advance(config, items, move |segment, position, heights, mut item| {
+            let step = segment.advance(position, heights, wanted(&mut item), travel);
+            shown(item, step.position);
+            step
+        });
+        Step { mirror: self, limits }
+    }
+
+    /// [`Mirror::pass`] for a mirror of [`is_free`](crate::segments::Travel::is_free).
+    #[inline(always)]
+    pub(crate) fn pass_freely<W, const P: usize, const B: usize, const K: usize>(
+        &mut self,
+        config: &Config<M, P, B, K>,
+        items: impl Iterator<Item = W>,
+        mut wanted: impl FnMut(&mut W) -> Position,
+        mut shown: impl FnMut(W, Position),
+    ) -> Step<'_, M> {
+        let bits = config.travel.ratio_bits;
+        let limits = self.advance(config, items, move |segment, _, _, mut item| {
+            let step = segment.go(wanted(&mut item), bits);
+            shown(item, step.position);
+            step
+        });
         Step { mirror: self, limits }
     }
 
