@@ -21,7 +21,7 @@ pub(crate) mod rv32;
 #[cfg(any(target_arch = "riscv32", test))]
 pub(crate) mod rv32_wide;
 
-#[cfg(any(target_arch = "riscv32", armv7em))]
+#[cfg(any(target_arch = "riscv32", armv7em, test))]
 pub(crate) mod relax;
 
 #[cfg(any(armv7em, test))]

@@ -176,14 +176,14 @@ impl<T: Copy + Default, const M: usize> RedBlack<T, M> {
     }
 
     /// Both halves.
-    #[cfg(any(target_arch = "riscv32", armv7em))]
+    #[cfg(any(target_arch = "riscv32", armv7em, test))]
     #[inline(always)]
     pub(crate) const fn halves(&self) -> &[[T; M]; 2] {
         &self.0
     }
 
     /// Both halves, to write.
-    #[cfg(any(target_arch = "riscv32", armv7em))]
+    #[cfg(any(target_arch = "riscv32", armv7em, test))]
     #[inline(always)]
     pub(crate) const fn halves_mut(&mut self) -> &mut [[T; M]; 2] {
         &mut self.0

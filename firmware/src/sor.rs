@@ -102,6 +102,20 @@ impl Coupling {
         self.0 << 25 >> 30
     }
 
+    /// What residuals are multiplied by: the step, with the lowest byte left in.
+    #[cfg(test)]
+    pub(crate) const fn multiplier(self) -> i32 {
+        self.0
+    }
+
+    /// A step of a node that is there.
+    #[cfg(not(any(target_arch = "riscv32", armv7em)))]
+    #[inline(always)]
+    pub(crate) fn relax(self, own: &mut Unknown, sides: [Unknown; 4]) {
+        // Twice the step, rounded down: |2 r| < 2^29.
+        own.go(fixed::mul_high(self.0, self.residual(*own, sides) << 2));
+    }
+
     /// 2 r = 2 (b + sum of the neighbours - degree p).
     #[inline(always)]
     fn residual(self, own: Unknown, [w, e, n, s]: [Unknown; 4]) -> i32 {
@@ -141,7 +155,7 @@ pub(crate) struct Unknown {
     /// step in halves of an ulp is rounded by setting its last bit.
     pub(crate) doubled: i32,
     /// 2 b.
-    rhs: i32,
+    pub(crate) rhs: i32,
 }
 
 /// From the piston's lower limit to its upper one, doubled.
@@ -157,7 +171,7 @@ impl Unknown {
     }
 
     #[inline(always)]
-    const fn piston(self) -> i32 {
+    pub(crate) const fn piston(self) -> i32 {
         (self.doubled >> 1).wrapping_add(PISTON_LIMIT)
     }
 }
@@ -265,9 +279,7 @@ impl<const M: usize> Sor<M> {
         let couplings = config.couplings.nodes(&config.grid, colour);
         for ((unknown, &coupling), sides) in own.iter_mut().zip(couplings).zip(sides.iter()) {
             if coupling.present() {
-                let r = coupling.residual(*unknown, sides);
-                // Twice the step, rounded down: |2 r| < 2^29.
-                unknown.go(fixed::mul_high(coupling.0, r << 2));
+                coupling.relax(unknown, sides);
             }
         }
     }

@@ -1,13 +1,22 @@
 //! The relaxation of [`crate::sor`] in the machine's own instructions.
 //!
-//! Four places a turn: a node, its neighbours to the east, north and south, and its coupling have a
+//! Some places a turn: a node, its neighbours to the east, north and south, and its coupling have a
 //! pointer each that moves once a turn; the west is the east of the place before, which two registers hold
 //! in turn. Where there is no node only the east is read. So the mask decides about time, and never what a
 //! piston is.
 
 use crate::redblack::Offsets;
-use crate::sor::{Coupling, ROOM, Unknown};
+#[cfg(any(target_arch = "riscv32", armv7em))]
+use crate::sor::ROOM;
+use crate::sor::{Coupling, Unknown};
 use core::marker::PhantomData;
+
+/// Places a turn.
+#[cfg(target_arch = "riscv32")]
+const TURN: usize = 8;
+/// Places a turn.
+#[cfg(armv7em)]
+const TURN: usize = 4;
 
 /// The places of one colour.
 #[derive(Clone, Copy, Debug)]
@@ -83,178 +92,135 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// A place, by its bytes from where the pointers of nodes are, those of its right-hand side and those
-/// from its coupling's. `west` becomes the place's own; `east` is the next one's west.
-///
-/// 2 r << 2 by the coupling, its upper half added; then the piston's upper limit, its lower one, and the
-/// last bit.
-#[cfg(target_arch = "riscv32")]
-macro_rules! place {
-    ($node:literal $rhs:literal $coupling:literal $west:literal $east:literal) => {
-        // Loads stand apart from what needs them.
-        concat!(
-            "lw {k}, ",
-            $coupling,
-            "({couplings})\n lw ",
-            $east,
-            ", ",
-            $node,
-            "({east})\n",
-            "beqz {k}, 9f\n",
-            "lw {x}, ",
-            $node,
-            "({north})\n lw {y}, ",
-            $node,
-            "({south})\n",
-            "lw {p}, ",
-            $node,
-            "({own})\n lw {b}, ",
-            $rhs,
-            "({own})\n",
-            "add ",
-            $west,
-            ", ",
-            $west,
-            ", ",
-            $east,
-            "\n add {x}, {x}, {y}\n",
-            "andi {y}, {k}, 7\n mul {y}, {y}, {p}\n",
-            "add ",
-            $west,
-            ", ",
-            $west,
-            ", {x}\n add ",
-            $west,
-            ", ",
-            $west,
-            ", {b}\n",
-            "sub ",
-            $west,
-            ", ",
-            $west,
-            ", {y}\n slli ",
-            $west,
-            ", ",
-            $west,
-            ", 2\n",
-            "mulh ",
-            $west,
-            ", ",
-            $west,
-            ", {k}\n add {p}, {p}, ",
-            $west,
-            "\n",
-            "srai {x}, {p}, 31\n and {p}, {p}, {x}\n",
-            "add {x}, {p}, {room}\n srai {y}, {x}, 31\n and {x}, {x}, {y}\n sub {p}, {p}, {x}\n",
-            "ori {p}, {p}, 1\n sw {p}, ",
-            $node,
-            "({own})\n",
-            "9:\n",
-        )
-    };
-}
-
-/// The same; the limit is one that an instruction can hold.
-#[cfg(armv7em)]
-macro_rules! place {
-    ($node:literal $rhs:literal $coupling:literal $west:literal $east:literal) => {
-        concat!(
-            "ldr r0, [{couplings}, #",
-            $coupling,
-            "]\n ldr ",
-            $east,
-            ", [{east}, #",
-            $node,
-            "]\n",
-            "cbz r0, 9f\n",
-            "ldr {x}, [{north}, #",
-            $node,
-            "]\n ldr {y}, [{south}, #",
-            $node,
-            "]\n",
-            "add ",
-            $west,
-            ", ",
-            $east,
-            "\n add {x}, {y}\n add ",
-            $west,
-            ", {x}\n",
-            "ldrd {p}, {y}, [{own}, #",
-            $node,
-            "]\n add ",
-            $west,
-            ", {y}\n",
-            "and {y}, r0, #7\n mls ",
-            $west,
-            ", {p}, {y}, ",
-            $west,
-            "\n",
-            "lsl ",
-            $west,
-            ", ",
-            $west,
-            ", #2\n smmul ",
-            $west,
-            ", ",
-            $west,
-            ", r0\n",
-            "add {p}, ",
-            $west,
-            "\n and {p}, {p}, {p}, asr #31\n",
-            "add {x}, {p}, #{room}\n and {x}, {x}, {x}, asr #31\n sub {p}, {x}\n",
-            "orr {p}, {p}, #1\n str {p}, [{own}, #",
-            $node,
-            "]\n",
-            "9:\n",
-        )
-    };
-}
-
 impl Line {
     /// Relaxes each node once.
     ///
     /// # Safety
     /// The pointers are valid for as many places as there are, `own` for writes, and `west` for one.
+    #[cfg(any(target_arch = "riscv32", armv7em))]
     #[allow(unsafe_code)]
     #[inline(always)]
     unsafe fn relax(&self) {
         let Self { own, west, east, north, south, couplings, places } = *self;
         // Places by which the first turn's pointers are before the first place: it is entered behind them.
-        let back = 4 - places % 4;
-        let end = own.wrapping_add(places).wrapping_sub(4);
+        let back = TURN - places % TURN;
+        let end = own.wrapping_add(places).wrapping_sub(TURN);
         // SAFETY: `west` is valid.
         let west = unsafe { (*west).doubled };
         macro_rules! run {
-            ($enter:literal, $turn:literal, $again:literal, $($end:tt)*) => {
+            ($code:expr, $($registers:tt)*) => {
                 // SAFETY: the instructions write registers that are given here and the nodes of `own`, and
                 // read `places` places by the other pointers.
                 unsafe {
-                    core::arch::asm!($enter, $turn,
-                        place!("0" "4" "0" "{w0}" "{w1}"),
-                        "3:", place!("8" "12" "4" "{w1}" "{w0}"),
-                        "4:", place!("16" "20" "8" "{w0}" "{w1}"),
-                        "5:", place!("24" "28" "12" "{w1}" "{w0}"),
-                        $again,
+                    core::arch::asm!($code,
                         own = inout(reg) own.wrapping_sub(back) => _,
                         east = inout(reg) east.wrapping_sub(back) => _,
                         north = inout(reg) north.wrapping_sub(back) => _,
                         south = inout(reg) south.wrapping_sub(back) => _,
                         couplings = inout(reg) couplings.wrapping_sub(back) => _,
-                        end = in(reg) end, w0 = inout(reg) west => _, w1 = inout(reg) west => _,
+                        end = in(reg) end, a = inout(reg) west => _, b = inout(reg) west => _,
                         x = inout(reg) back => _, y = out(reg) _, p = out(reg) _,
-                        $($end)* options(nostack))
+                        $($registers)*
+                        options(nostack))
                 }
             };
         }
         #[cfg(target_arch = "riscv32")]
-        run!(".option push\n .option norvc\n .p2align 2\n addi {x}, {x}, -2\n bltz {x}, 3f\n beqz {x}, 4f\n addi {x}, {x}, -1\n beqz {x}, 5f\n j 6f",
-            "2: addi {couplings}, {couplings}, 16\n addi {own}, {own}, 32\n addi {east}, {east}, 32\n addi {north}, {north}, 32\n addi {south}, {south}, 32",
-            "6: bne {own}, {end}, 2b\n .option pop",
-            room = in(reg) ROOM, k = out(reg) _, b = out(reg) _,);
+        run!(include_str!("relax_rv32.s"), room = in(reg) ROOM, k = out(reg) _, rhs = out(reg) _,);
         #[cfg(armv7em)]
-        run!("cmp {x}, #2\n blt 3f\n beq 4f\n cmp {x}, #3\n beq 5f\n b 6f",
-            "2: add {couplings}, #16\n add {own}, #32\n add {east}, #32\n add {north}, #32\n add {south}, #32",
-            "6: cmp {own}, {end}\n bne 2b",
-            room = const ROOM, out("r0") _,);
+        run!(include_str!("relax_armv7em.s"), room = const ROOM, out("r0") _,);
+    }
+    /// The same in portable arithmetic, so that it can be tested on a PC.
+    ///
+    /// # Safety
+    /// As above.
+    #[cfg(not(any(target_arch = "riscv32", armv7em)))]
+    #[allow(unsafe_code)]
+    unsafe fn relax(&self) {
+        // SAFETY: one place after the other of each, and the first one's west.
+        unsafe {
+            let mut west = *self.west;
+            for i in 0..self.places {
+                let (coupling, east) = (*self.couplings.add(i), *self.east.add(i));
+                if coupling.present() {
+                    let sides = [west, east, *self.north.add(i), *self.south.add(i)];
+                    coupling.relax(&mut *self.own.add(i), sides);
+                }
+                west = east;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixed::PISTON_LIMIT;
+    use crate::geometry::{Grid, MIN_ACROSS, Mask};
+    use crate::redblack::{COLOURS, Place, RedBlack};
+
+    const M: usize = 200;
+
+    /// Pistons and right-hand sides over the formats' ranges, against 64-bit arithmetic on the mask.
+    #[test]
+    fn steps_are_rounded_once_and_limited() {
+        let mut x = 1u32;
+        let mut between = |low: i64, high: i64| {
+            x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            low + ((u64::from(x >> 2) * (high - low + 1) as u64) >> 30) as i64
+        };
+        let limit = i64::from(PISTON_LIMIT);
+        for across in MIN_ACROSS..=18 {
+            let mask = Mask::from_fn(across, |_, _| between(0, 5) > 0).expect("in range");
+            let grid = Grid::new(across);
+            let mut couplings = RedBlack::<Coupling, M>::new(Coupling::NONE);
+            let mut nodes = RedBlack::<Unknown, M>::new(Unknown::default());
+            let (mut pistons, mut cells) = (vec![0i64; grid.nodes], Vec::new());
+            for (x, y) in mask.cells() {
+                let f = grid.node(x, y);
+                let beside =
+                    [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
+                let links = beside.map(|(x, y)| mask.contains(x, y));
+                let degree = links.into_iter().filter(|&there| there).count() as i64;
+                let step = (between(1 << 30, (1 << 31) - 1) / degree.max(1)) as i32;
+                let coupling = Coupling::new(links).with_step(step);
+                let wide = between(0, 1) * limit;
+                let piston = between(-limit, limit).clamp(wide - limit, limit);
+                let rhs = between(-(1 << 25), 1 << 25);
+                *couplings.get_mut(Place::new::<M>(f)).expect("on the grid") = coupling;
+                *nodes.get_mut(Place::new::<M>(f)).expect("on the grid") =
+                    Unknown { doubled: (2 * (piston - limit) + 1) as i32, rhs: (2 * rhs) as i32 };
+                pistons[f] = piston;
+                cells.push((f, degree, rhs, i64::from(coupling.multiplier())));
+            }
+            let at = COLOURS.map(|colour| Offsets::new(&grid, colour));
+            let lines = Lines::new(nodes.halves_mut(), couplings.halves(), &at).expect("room");
+            lines.relax(3);
+            for colour in [0, 1, 0, 1, 0, 1] {
+                for &(f, degree, rhs, step) in cells.iter().filter(|(f, ..)| f % 2 == colour) {
+                    let sides = [f - 1, f + 1, f - grid.stride, f + grid.stride];
+                    let around: i64 = sides.into_iter().map(|f| pistons[f]).sum();
+                    let r = rhs + around - degree * pistons[f];
+                    pistons[f] = (pistons[f] + ((step * r + (1 << 29)) >> 30)).clamp(-limit, limit);
+                }
+            }
+            for (f, ..) in cells {
+                let node = nodes.get(Place::new::<M>(f)).expect("on the grid");
+                assert_eq!(i64::from(node.piston()), pistons[f], "N = {across}, node {f}");
+            }
+        }
+    }
+
+    #[test]
+    fn places_beyond_a_half_are_refused() {
+        let grid = Grid::new(8);
+        let at = COLOURS.map(|colour| Offsets::new(&grid, colour));
+        fn fits<const M: usize>(at: &[Offsets; 2]) -> bool {
+            let mut nodes = RedBlack::<Unknown, M>::new(Unknown::default());
+            let couplings = RedBlack::<Coupling, M>::new(Coupling::NONE);
+            Lines::new(nodes.halves_mut(), couplings.halves(), at).is_some()
+        }
+        assert!(fits::<45>(&at));
+        assert!(!fits::<44>(&at));
     }
 }
