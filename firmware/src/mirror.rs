@@ -298,6 +298,12 @@ impl<const M: usize> Mirror<M> {
             Law::Linear => heights.for_each(|((responses, heights), codes)| {
                 *codes = actuators::codes(Law::Linear, spare_bits, responses, heights);
             }),
+            // And most DACs have 16 bits.
+            Law::Quadratic if spare_bits == 0 => {
+                heights.for_each(|((responses, heights), codes)| {
+                    *codes = actuators::codes(Law::Quadratic, 0, responses, heights);
+                })
+            }
             Law::Quadratic => heights.for_each(|((responses, heights), codes)| {
                 *codes = actuators::codes(Law::Quadratic, spare_bits, responses, heights);
             }),

@@ -33,7 +33,7 @@ use crate::fixed::{self, PISTON_LIMIT, Sum};
 use crate::geometry::Grid;
 #[cfg(any(target_arch = "riscv32", armv7em))]
 use crate::redblack::Offsets;
-use crate::redblack::{COLOURS, Place, RedBlack};
+use crate::redblack::{COLOURS, Place, RedBlack, each_with_sides};
 
 /// What a relaxation step needs of the pupil.
 #[derive(Debug)]
@@ -221,18 +221,19 @@ impl<const M: usize> Sor<M> {
     #[inline(never)]
     fn load_colour(&mut self, config: &SorConfig<M>, tilts: &RedBlack<[i32; 2], M>, colour: usize) {
         let grid = &config.grid;
-        let own = tilts.nodes(grid, colour).iter().zip(tilts.sides(grid, colour).iter());
-        let couplings = config.couplings.nodes(grid, colour);
-        let unknowns = self.unknowns.nodes_mut(grid, colour).iter_mut();
-        for ((unknown, &coupling), (&[x, y], [[xw, _], [xe, _], [_, yn], [_, ys]])) in
-            unknowns.zip(couplings).zip(own)
-        {
-            if coupling.present() {
-                let across = xw.wrapping_sub(xe).wrapping_add(x.wrapping_mul(coupling.dx()));
-                let down = yn.wrapping_sub(ys).wrapping_add(y.wrapping_mul(coupling.dy()));
-                unknown.rhs = across.wrapping_add(down) << 1;
-            }
-        }
+        each_with_sides(
+            self.unknowns.nodes_mut(grid, colour),
+            config.couplings.nodes(grid, colour),
+            tilts.nodes(grid, colour),
+            tilts.sides(grid, colour),
+            |unknown, coupling, &[x, y], [[xw, _], [xe, _], [_, yn], [_, ys]]| {
+                if coupling.present() {
+                    let across = xw.wrapping_sub(xe).wrapping_add(x.wrapping_mul(coupling.dx()));
+                    let down = yn.wrapping_sub(ys).wrapping_add(y.wrapping_mul(coupling.dy()));
+                    unknown.rhs = across.wrapping_add(down) << 1;
+                }
+            },
+        );
     }
 
     /// Pistons of 0.
@@ -240,13 +241,9 @@ impl<const M: usize> Sor<M> {
     #[inline(never)]
     fn start(&mut self, config: &SorConfig<M>) {
         self.warm = true;
-        self.unknowns.fill(Unknown::default());
-        for colour in COLOURS {
-            let unknowns = self.unknowns.nodes_mut(&config.grid, colour).iter_mut();
-            let nodes = unknowns.zip(config.couplings.nodes(&config.grid, colour));
-            nodes
-                .filter(|(_, coupling)| coupling.present())
-                .for_each(|(unknown, _)| unknown.doubled = 1 - 2 * PISTON_LIMIT);
+        for (unknown, coupling) in self.unknowns.all_mut().zip(config.couplings.all()) {
+            let doubled = if coupling.present() { 1 - 2 * PISTON_LIMIT } else { 0 };
+            *unknown = Unknown { doubled, rhs: 0 };
         }
     }
 
@@ -304,16 +301,19 @@ impl<const M: usize> Sor<M> {
     #[inline(never)]
     fn totals_of(&self, config: &SorConfig<M>, colour: usize) -> Totals {
         let (grid, mut squares, mut doubled) = (&config.grid, 0u64, Sum::default());
-        let couplings = config.couplings.nodes(grid, colour);
-        let nodes = self.unknowns.nodes(grid, colour).iter().zip(couplings);
+        let (unknowns, couplings) =
+            (self.unknowns.nodes(grid, colour), config.couplings.nodes(grid, colour));
+        // Nothing is written.
+        let mut none = [(); M];
+        let none = none.get_mut(..unknowns.len()).unwrap_or_default();
         let sides = self.unknowns.sides(grid, colour);
-        for ((&unknown, coupling), sides) in nodes.zip(sides.iter()) {
+        each_with_sides(none, unknowns, couplings, sides, |(), unknown, coupling, sides| {
             if coupling.present() {
-                let r = i64::from(coupling.residual(unknown, sides) >> 4);
+                let r = i64::from(coupling.residual(*unknown, sides) >> 4);
                 squares = squares.wrapping_add(r.wrapping_mul(r) as u64);
                 doubled.add(unknown.doubled);
             }
-        }
+        });
         Totals { residual_squared: squares, doubled: doubled.total() }
     }
 

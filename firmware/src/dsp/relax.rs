@@ -84,10 +84,14 @@ impl<'a> Lines<'a> {
     /// Relaxes the nodes of one colour after the other, `sweeps` times.
     pub(crate) fn relax(self, sweeps: u16) {
         for _ in 0..sweeps {
-            #[allow(unsafe_code)]
-            // SAFETY: `Line::new` found each pointer to be followed by as many places within its half, which
-            // the lifetime lends for this value alone. A line writes its own half and reads the other.
-            self.lines.iter().for_each(|line| unsafe { line.relax() });
+            for line in &self.lines {
+                // SAFETY: `Line::new` found each pointer to be followed by as many places within its half,
+                // which the lifetime lends for this value alone. A line writes its own half and reads the other.
+                #[allow(unsafe_code)]
+                unsafe {
+                    line.relax();
+                }
+            }
         }
     }
 }
