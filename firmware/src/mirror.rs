@@ -293,18 +293,15 @@ impl<const M: usize> Mirror<M> {
     ) {
         let heights = config.responses.iter().zip(&self.heights_ulp).zip(&mut self.codes);
         let Drive { law, spare_bits } = config.drive;
-        match law {
-            // One loop each: the law is the same for all.
-            Law::Linear => heights.for_each(|((responses, heights), codes)| {
+        // One loop each: the law is the same for all, and most DACs have 16 bits.
+        match (law, spare_bits) {
+            (Law::Linear, _) => heights.for_each(|((responses, heights), codes)| {
                 *codes = actuators::codes(Law::Linear, spare_bits, responses, heights);
             }),
-            // And most DACs have 16 bits.
-            Law::Quadratic if spare_bits == 0 => {
-                heights.for_each(|((responses, heights), codes)| {
-                    *codes = actuators::codes(Law::Quadratic, 0, responses, heights);
-                })
-            }
-            Law::Quadratic => heights.for_each(|((responses, heights), codes)| {
+            (Law::Quadratic, 0) => heights.for_each(|((responses, heights), codes)| {
+                *codes = actuators::codes(Law::Quadratic, 0, responses, heights);
+            }),
+            (Law::Quadratic, _) => heights.for_each(|((responses, heights), codes)| {
                 *codes = actuators::codes(Law::Quadratic, spare_bits, responses, heights);
             }),
         }
