@@ -32,7 +32,7 @@
 //! quarters of an LSB up to 2^22 ([`fixed::ratio_q16`]), rounded down so that the result is inside.
 
 use crate::error::{ConfigError, Field};
-use crate::fixed::{self, TILT_LIMIT, larger, mul_high, negative, positive, smaller};
+use crate::fixed::{self, TILT_LIMIT, larger, mul_short, negative, positive, smaller};
 use serde::{Deserialize, Serialize};
 
 /// Actuators of a segment.
@@ -170,9 +170,8 @@ impl Segment {
         let [tip, tilt] = tilt_ulp;
         let (tip, tilt) = (tip.wrapping_shl(16 - DROPPED), tilt.wrapping_shl(16 - DROPPED));
         let (rest, half) = (ratio_bits - DROPPED, (1 << (ratio_bits - DROPPED)) >> 1);
-        let product = |t: i16, tilt: i32| mul_high(i32::from(t) << 16, tilt);
         let tilted = |[tx, ty]: [i16; 2]| {
-            product(tx, tip).wrapping_add(product(ty, tilt)).wrapping_add(half) >> rest
+            mul_short(tx, tip).wrapping_add(mul_short(ty, tilt)).wrapping_add(half) >> rest
         };
         let [t0, t1, t2] = self.ratios;
         [tilted(t0), tilted(t1), tilted(t2)]
