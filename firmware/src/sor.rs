@@ -16,11 +16,11 @@
 //! bipartite, so that this has the optimal omega of lexicographic order and no order of its own
 //! within a colour.
 //!
-//! **Scaling and overflow.** Everything is i32 in ulp. |X|, |Y| <= 2^23 and each of four edges has two
-//! of them, hence |b| <= 2^25; |p| <= 3 x 2^23, hence each of four p_j - p is within 3 x 2^24 and
-//! |r| <= 2^25 + 3 x 2^26 = 7 x 2^25 < 2^28. The step is one rounded multiply-high
-//! ([`fixed::mul_q30`]); p is then saturated to +-3 x 2^23. Rounding to nearest leaves at most 0.56 LSB of error, limit cycles
-//! included, at N = 40.
+//! **Scaling and overflow.** Everything is i32 in ulp, and in the solver half an ulp. |X|, |Y| <= 2^23 and
+//! each of four edges has two of them, hence |b| <= 2^25; |p| <= 3 x 2^23, hence each of four p_j - p is
+//! within 3 x 2^24 and |r| <= 2^25 + 3 x 2^26 = 7 x 2^25 < 2^28. The step is one multiply-high of 8 r,
+//! twice the step rounded down, and is rounded to nearest as it is added (`Unknown`); p is then saturated
+//! to +-3 x 2^23. Rounding to nearest leaves at most 0.56 LSB of error, limit cycles included, at N = 40.
 //!
 //! The right-hand side is absolute (the whole tip/tilt command, not its change) and the solver
 //! starts from the last frame's pistons. Then a fixed number of sweeps, ceil(N/2) on a circle and

@@ -16,8 +16,7 @@
     mls \west, {p}, {y}, \west
     // The step.
     lsl \west, \west, #2
-    smmul \west, \west, r0
-    add {p}, \west
+    smmla {p}, \west, r0, {p}
     // The upper limit, the lower one, which an instruction holds, and rounding.
     and {p}, {p}, {p}, asr #31
     add {x}, {p}, #{room}
