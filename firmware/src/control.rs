@@ -24,7 +24,7 @@
 //! c' before its mean and limit is below 2^28. The mean is the sum (below 1600 x 2^28 < 2^39) times the
 //! floor of 2^24 / count: low by less than 1e-4 of itself, far below what the next frame removes again.
 
-use crate::fixed::{self, TILT_LIMIT, mul_high};
+use crate::fixed::{self, Sum, TILT_LIMIT, mul_high};
 use crate::geometry::Grid;
 use crate::redblack::{COLOURS, Place, RedBlack};
 use crate::slopes::{MeanSlope, Slope};
@@ -124,7 +124,7 @@ impl<const M: usize> Control<M> {
     /// A subaperture that was not measured takes the mean x of its measured neighbours, rounded down,
     /// and holds where they have none.
     ///
-    /// Not inlined: its loops need all registers.
+    /// Not inlined: a board may keep it in other memory than what decides on it.
     #[inline(never)]
     pub(crate) fn update(
         &mut self,
@@ -134,49 +134,65 @@ impl<const M: usize> Control<M> {
     ) {
         let inverse = removal(config.mean, self.valid);
         let [mean_x, mean_y] = self.sums.map(|sum| mean(sum, inverse));
-        let mut sums = [0i64; 2];
+        let mut sums = [Sum::default(); 2];
         for colour in COLOURS {
-            let around = self.open_loop.sides(grid, colour).iter();
-            let open_loop = self.open_loop.nodes(grid, colour).iter().zip(around);
-            let commands = self.command.nodes_mut(grid, colour).iter_mut();
-            for ((command, gains), (&[x, y], around)) in
-                commands.zip(gains.nodes(grid, colour)).zip(open_loop)
-            {
-                if !gains.present() {
-                    continue;
-                }
-                let [[xw, yw], [xe, ye], [xn, yn], [xs, ys]] = around;
-                let (around_x, around_y) = (sum([xw, xe, xn, xs]), sum([yw, ye, yn, ys]));
-                let valid = x & MEASURED;
-                let count = around_x & COUNT;
-                let weight = INVERSE.get(count as usize).map_or(0, |inverse| inverse & (valid - 1));
-                // All ones where x is known.
-                let known = 0i32.wrapping_sub(valid) | (0i32.wrapping_sub(weight) >> 31);
-                let x = (x >> GUARD_BITS).wrapping_add(mul_high(around_x & !COUNT, weight));
-                let y = (y >> GUARD_BITS).wrapping_add(mul_high(around_y, weight));
-                let step = |c: i32, x: i32, mean: i32| {
-                    let next = gains.next(c, x.wrapping_sub(mean));
-                    c.wrapping_add(next.wrapping_sub(c) & known)
-                };
-                let [c, d] = *command;
-                let (c, d) = (step(c, x, mean_x), step(d, y, mean_y));
-                *command = [c, d];
-                let [sum_c, sum_d] = &mut sums;
-                *sum_c = sum_c.wrapping_add(i64::from(c.wrapping_mul(valid)));
-                *sum_d = sum_d.wrapping_add(i64::from(d.wrapping_mul(valid)));
-            }
+            self.update_colour(grid, colour, gains, [mean_x, mean_y], &mut sums);
         }
-        let [mean_c, mean_d] = sums.map(|sum| mean(sum, inverse));
+        let [least_c, least_d] =
+            sums.map(|sum| mean(sum.total(), inverse).wrapping_sub(TILT_LIMIT));
         for colour in COLOURS {
             let commands = self.command.nodes_mut(grid, colour).iter_mut();
             for (command, gains) in commands.zip(gains.nodes(grid, colour)) {
                 if gains.present() {
                     let [c, d] = *command;
-                    let less = |c: i32, mean: i32| fixed::clamp(c.wrapping_sub(mean), TILT_LIMIT);
-                    *command = [less(c, mean_c), less(d, mean_d)];
+                    *command = [
+                        fixed::clamp_raised(c.wrapping_sub(least_c), TILT_LIMIT),
+                        fixed::clamp_raised(d.wrapping_sub(least_d), TILT_LIMIT),
+                    ];
                 }
             }
         }
+    }
+
+    /// The new commands of one colour's nodes with their mean still in them, and the sums of those that
+    /// were measured.
+    ///
+    /// Not inlined: its loop needs all registers.
+    #[inline(never)]
+    fn update_colour(
+        &mut self,
+        grid: &Grid,
+        colour: usize,
+        gains: &RedBlack<Gains, M>,
+        [mean_x, mean_y]: [i32; 2],
+        sums: &mut [Sum; 2],
+    ) {
+        let [mut sum_c, mut sum_d] = *sums;
+        let around = self.open_loop.sides(grid, colour).iter();
+        let open_loop = self.open_loop.nodes(grid, colour).iter().zip(around);
+        let commands = self.command.nodes_mut(grid, colour).iter_mut();
+        for ((command, gains), (&[x, y], around)) in
+            commands.zip(gains.nodes(grid, colour)).zip(open_loop)
+        {
+            if gains.present() {
+                let [[xw, yw], [xe, ye], [xn, yn], [xs, ys]] = around;
+                let (around_x, around_y) = (sum([xw, xe, xn, xs]), sum([yw, ye, yn, ys]));
+                let valid = x & MEASURED;
+                let count = (around_x & COUNT) as usize;
+                let weight = INVERSE.get(count).map_or(0, |inverse| inverse & (valid - 1));
+                let x = (x >> GUARD_BITS).wrapping_add(mul_high(around_x & !COUNT, weight));
+                let y = (y >> GUARD_BITS).wrapping_add(mul_high(around_y, weight));
+                // Where x is not known nothing changes.
+                let gains = gains.masked((valid | weight).wrapping_neg() >> 31);
+                let [c, d] = *command;
+                let c = c.wrapping_add(gains.change(c, x.wrapping_sub(mean_x)));
+                let d = d.wrapping_add(gains.change(d, y.wrapping_sub(mean_y)));
+                *command = [c, d];
+                sum_c.add(c & valid.wrapping_neg());
+                sum_d.add(d & valid.wrapping_neg());
+            }
+        }
+        *sums = [sum_c, sum_d];
     }
 
     /// Makes the new commands of one colour, of the slopes that were taken since [`Control::begin`] and
@@ -249,7 +265,14 @@ impl<const M: usize> Control<M> {
         }
     }
 
-    /// Records what the mirror shows from now on, without the global tilt, ulp.
+    /// The commands, and where what the mirror shows from now on, without the global tilt, ulp, is to be
+    /// recorded.
+    pub(crate) fn recording(&mut self) -> (&RedBlack<[i32; 2], M>, &mut [[i32; 2]]) {
+        self.advance();
+        (&self.command, self.applied.get_mut(self.newest).map_or(&mut [], |newest| newest))
+    }
+
+    /// Records what the mirror shows from now on, ulp.
     pub(crate) fn record(&mut self, applied: impl Iterator<Item = [i32; 2]>) {
         self.advance();
         if let Some(newest) = self.applied.get_mut(self.newest) {
@@ -352,12 +375,50 @@ impl Gains {
         self.take != 0
     }
 
-    /// keep c + take x, rounded once: a bias of an eighth of an ulp would pass through the mean into
-    /// what is held, and add up there.
+    /// keep c + take x.
     #[inline(always)]
     fn next(self, c: i32, x: i32) -> i32 {
-        let sum = i64::from(self.keep) * i64::from(c) + i64::from(self.take) * i64::from(x);
-        fixed::round_shift(sum, GAIN_BITS) as i32
+        c.wrapping_add(self.masked(!0).change(c, x))
+    }
+
+    /// How they change c, or that they do not, by a mask of ones or zeros.
+    #[inline(always)]
+    fn masked(self, mask: i32) -> Changes {
+        let drop = i32::from(self.keep).wrapping_sub(1 << GAIN_BITS);
+        Changes { drop: drop & mask, take: i32::from(self.take) & mask }
+    }
+}
+
+/// [`Gains`] as what is added to c.
+#[derive(Clone, Copy)]
+struct Changes {
+    /// keep - 1: above -2^15 - 2^13.
+    drop: i32,
+    take: i32,
+}
+
+impl Changes {
+    /// (keep - 1) c + take x, rounded once: a bias of an eighth of an ulp would pass through the mean into
+    /// what is held, and add up there.
+    #[inline(always)]
+    fn change(self, c: i32, x: i32) -> i32 {
+        if cfg!(target_arch = "riscv32") {
+            self.change_in_parts(c, x)
+        } else {
+            let sum = i64::from(self.drop) * i64::from(c) + i64::from(self.take) * i64::from(x);
+            fixed::round_shift(sum, GAIN_BITS) as i32
+        }
+    }
+
+    /// The same without 64 bits. The upper parts of c and x, a whole number of 2^13, need no rounding;
+    /// with the lower ones the products are below 2^28.4 each.
+    #[inline(always)]
+    fn change_in_parts(self, c: i32, x: i32) -> i32 {
+        const LOW: i32 = (1 << GAIN_BITS) - 1;
+        let product =
+            |c: i32, x: i32| self.drop.wrapping_mul(c).wrapping_add(self.take.wrapping_mul(x));
+        let low = product(c & LOW, x & LOW).wrapping_add(1 << (GAIN_BITS - 1));
+        product(c >> GAIN_BITS, x >> GAIN_BITS).wrapping_add(low >> GAIN_BITS)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Packed kernels behind safe functions: the one module of the library with `unsafe` in it.
 //!
-//! A kernel here computes the integers of its portable twin in `pixels` and `centroid`, bit for
+//! A kernel here computes the integers of its portable twin in `pixels`, `centroid` and `sor`, bit for
 //! bit, and is tested against it. A target without one uses the twin.
 //!
 //! | module | where | pixels at a time |
@@ -9,6 +9,8 @@
 //! | `armv7em` | Cortex-M7 and its like, instructions on pairs of 16 bits | 2 |
 //! | `rv32` | RISC-V of 32 bits, ordinary instructions, 12 bits | 2 |
 //! | `rv32_wide` | the same, up to 16 bits | 1 |
+//!
+//! and `relax`, a relaxation step of the pistons, for RISC-V and the Cortex-M7.
 
 #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
 pub(crate) mod sse2;
@@ -19,8 +21,29 @@ pub(crate) mod rv32;
 #[cfg(any(target_arch = "riscv32", test))]
 pub(crate) mod rv32_wide;
 
+#[cfg(any(target_arch = "riscv32", armv7em, test))]
+pub(crate) mod relax;
+
 #[cfg(any(armv7em, test))]
 pub(crate) mod armv7em;
+
+/// `x`, of which the compiler is to know no more than that: what it cannot see through it makes no branch
+/// of. No instruction.
+#[inline(always)]
+pub(crate) fn opaque(x: i32) -> i32 {
+    #[cfg(target_arch = "riscv32")]
+    {
+        let mut x = x;
+        // SAFETY: there is nothing in it.
+        #[allow(unsafe_code)]
+        unsafe {
+            core::arch::asm!("/* {x} */", x = inout(reg) x, options(pure, nomem, nostack, preserves_flags));
+        }
+        x
+    }
+    #[cfg(not(target_arch = "riscv32"))]
+    x
+}
 
 /// Pixels as words of two, the first in the lower half, without an odd last one; `None` unless they
 /// start at a word's address.

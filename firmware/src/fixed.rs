@@ -47,27 +47,35 @@ pub const fn positive(x: i32) -> i32 {
 }
 
 /// min(x, 0): an instruction less than [`positive`] where there is no "and not".
+///
+/// The mask is opaque: compilers know this for a comparison, and what is subtracted from it for another.
 #[inline(always)]
-pub const fn negative(x: i32) -> i32 {
-    x & (x >> 31)
+pub fn negative(x: i32) -> i32 {
+    x & crate::dsp::opaque(x >> 31)
 }
 
 /// The larger of two numbers less than 2^31 apart.
 #[inline(always)]
-pub const fn larger(a: i32, b: i32) -> i32 {
+pub fn larger(a: i32, b: i32) -> i32 {
     a.wrapping_sub(negative(a.wrapping_sub(b)))
 }
 
 /// The smaller of two numbers less than 2^31 apart.
 #[inline(always)]
-pub const fn smaller(a: i32, b: i32) -> i32 {
+pub fn smaller(a: i32, b: i32) -> i32 {
     b.wrapping_add(negative(a.wrapping_sub(b)))
 }
 
 /// `x` within `-limit ..= limit`, for `|x| + limit < 2^31`.
 #[inline(always)]
-pub const fn clamp(x: i32, limit: i32) -> i32 {
-    smaller(larger(x, -limit), limit)
+pub fn clamp(x: i32, limit: i32) -> i32 {
+    clamp_raised(x.wrapping_add(limit), limit)
+}
+
+/// [`clamp`] of what has been raised by `limit` already, with something else that was added to it.
+#[inline(always)]
+pub fn clamp_raised(raised: i32, limit: i32) -> i32 {
+    negative(positive(raised).wrapping_sub(2 * limit)).wrapping_add(limit)
 }
 
 /// Saturates to `-2^30 ..= 2^30 - 1` without a branch.
@@ -81,10 +89,47 @@ pub fn narrow(x: i64) -> i32 {
     (x as i32 & !beyond) | ((sign ^ ((1 << 30) - 1)) & beyond)
 }
 
+/// A sum of up to 2^14 numbers within 2^28, of 32-bit words: all of it modulo 2^32, and that without its
+/// lowest bits.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Sum {
+    low: i32,
+    high: i32,
+}
+
+impl Sum {
+    /// Bits that `high` is without: what they sum up to is below 2^28.
+    const BITS: u32 = 14;
+
+    /// Adds `x`.
+    #[inline(always)]
+    pub const fn add(&mut self, x: i32) {
+        self.low = self.low.wrapping_add(x);
+        self.high = self.high.wrapping_add(x >> Self::BITS);
+    }
+
+    /// The sum.
+    #[must_use]
+    pub const fn total(self) -> i64 {
+        let rest = self.low.wrapping_sub(self.high << Self::BITS) as u32;
+        ((self.high as i64) << Self::BITS) + rest as i64
+    }
+}
+
 /// The upper half of `a * b`: SMMUL on a Cortex-M7, MULH on RISC-V.
 #[inline(always)]
 pub const fn mul_high(a: i32, b: i32) -> i32 {
     ((a as i64 * b as i64) >> 32) as i32
+}
+
+/// `a * b / 2^16`, rounded down: SMULW on a Cortex-M7, MULH on RISC-V.
+#[inline(always)]
+pub const fn mul_short(a: i16, b: i32) -> i32 {
+    if cfg!(target_arch = "riscv32") {
+        mul_high((a as i32) << 16, b)
+    } else {
+        ((a as i64 * b as i64) >> 16) as i32
+    }
 }
 
 /// `k * r` with `k` in Q30 and `|r| < 2^28`, rounded: one signed multiply-high.
@@ -188,67 +233,69 @@ const ROOT_FRACTION: u32 = 23;
 /// Bits of an entry that hold the root's rise over its cell.
 const RISE_BITS: u32 = 12;
 
-/// Roots of the cells' starts and their rises, for arguments from 2^28 on.
+/// Roots of the cells' starts in Q16, with their rises in Q4 in place of the lowest bits, for arguments
+/// from 2^28 on.
 ///
-/// A root is stored 3/4 high: what follows from it is low by up to 1/2 for the chord and up to 1 for
-/// rounding down. The last cell's rise is short, so that no result is above 65535.
+/// A root is stored 7/32 high: what follows from it is low by up to 1/2 for the chord, high by up to
+/// 1/16 for the rise in it, and off by less than 1/8 for the rounding of both. The last cell's rise is
+/// short, so that no result is 65536.
 static ROOTS: [u32; ROOT_CELLS] = roots();
 
 const fn roots() -> [u32; ROOT_CELLS] {
-    // round(sqrt(2^23 cell) + 3/4), with two bits more to round on.
+    // 16 sqrt(2^23 cell) + 7/2, rounded.
     const fn root(cell: u64) -> u64 {
-        ((cell << (ROOT_FRACTION + 4)).isqrt() + 3 + 2) >> 2
+        ((cell << (ROOT_FRACTION + 12)).isqrt() + 7 * 2 + 2) >> 2
     }
     let mut table = [0; ROOT_CELLS];
     let mut cell = 32;
     while cell < ROOT_CELLS as u64 {
         let low = root(cell);
         let next = root(cell + 1);
-        let high = if next > 65_536 { 65_536 } else { next };
+        let high = if next > (1 << 20) - 2 { (1 << 20) - 2 } else { next };
         table[cell as usize] = (low as u32) << RISE_BITS | (high - low) as u32;
         cell += 1;
     }
     table
 }
 
-/// Leading zeros of a number that is not zero, rounded down to a multiple of four.
+/// Leading zeros rounded down to a multiple of four, 28 at most.
 #[inline(always)]
-const fn leading_nibbles(x: u32) -> u32 {
+fn leading_nibbles(x: u32) -> u32 {
     if cfg!(target_arch = "riscv32") {
-        // The base instruction set has no count of zeros, and the library's takes twice as long.
+        // The base instruction set has no count of zeros, and the library's takes twice as long. A limit
+        // that the compiler does not know stays in a register: it would compare a shifted number with 0.
         let mut x = x;
         let mut shift = 0;
         let mut step = 16u32;
         while step >= 4 {
-            let zeros = ((x >> (32 - step)).wrapping_sub(1) >> 31) << step.trailing_zeros();
+            let limit = crate::dsp::opaque(1 << (32 - step)) as u32;
+            let zeros = borrow(x, limit) << step.trailing_zeros();
             x <<= zeros;
             shift += zeros;
             step /= 2;
         }
         shift
     } else {
-        x.leading_zeros() & !3
+        (x | 1).leading_zeros() & !3
     }
 }
 
 /// The integer nearest to the square root of `v`: 0 to 65536.
 ///
 /// A table of roots, interpolated linearly on the argument shifted to its top nibble, is off by less
-/// than 1.25, hence by at most one from the answer n, of which n^2 - n < v <= n^2 + n: there is no tie.
+/// than 1/2: rounded down it is the answer n or one less. As n^2 - n < v <= n^2 + n, there is no tie.
 #[inline(always)]
 pub fn square_root(v: u32) -> u32 {
-    // v = 0 takes the path of 1, to the same estimate.
-    let shift = leading_nibbles(v | 1);
-    let m = (v | 1).wrapping_shl(shift);
+    let shift = leading_nibbles(v);
+    let m = v.wrapping_shl(shift);
     let cell = ROOTS.get((m >> ROOT_FRACTION) as usize % ROOT_CELLS).copied().unwrap_or(0);
-    let (root, rise) = (cell >> RISE_BITS, cell & ((1 << RISE_BITS) - 1));
-    let fraction = (m & ((1 << ROOT_FRACTION) - 1)) >> (ROOT_FRACTION - 16);
-    // 1 to 65535: r^2 + r fits.
-    let r = (root + ((rise * fraction) >> 16)) >> (shift / 2);
-    let above = r * r + r;
-    let below = above - 2 * r;
-    // Borrows in place of comparisons, which could become branches.
-    r - 1 + borrow(above, v) + borrow(below, v)
+    let rise = cell & ((1 << RISE_BITS) - 1);
+    let fraction = m << (32 - ROOT_FRACTION) >> 16;
+    let root_q16 = cell.wrapping_add((rise * fraction) >> 4);
+    // 0 to 65535: r^2 + r fits.
+    let r = root_q16 >> (16 + shift / 2);
+    // A borrow in place of a comparison, which could become a branch.
+    r + borrow(r * r + r, v)
 }
 
 /// 1 where `a < b`, else 0.

@@ -129,22 +129,43 @@ impl<const M: usize> Mirror<M> {
         self.drive(config);
     }
 
-    /// Lets through of `wanted`, one position a subaperture, what may be; [`Step::drive`] then makes the
-    /// codes.
+    /// Lets through of what is `wanted` for each subaperture, of which there is one of `items`, what may
+    /// be, and tells what is `shown`; [`Step::drive`] then makes the codes.
     #[inline(always)]
-    pub(crate) fn pass<const P: usize, const B: usize, const K: usize>(
+    pub(crate) fn pass<W, const P: usize, const B: usize, const K: usize>(
         &mut self,
         config: &Config<M, P, B, K>,
-        wanted: impl Iterator<Item = Position>,
+        items: impl Iterator<Item = W>,
+        mut wanted: impl FnMut(&mut W) -> Position,
+        mut shown: impl FnMut(W, Position),
     ) -> Step<'_, M> {
-        let limits = if config.travel.is_free() {
-            let bits = config.travel.ratio_bits;
-            self.advance(config, wanted, |segment, _, _, target| segment.go(target, bits))
-        } else {
-            self.advance(config, wanted, |segment, position, heights, target| {
-                segment.advance(position, heights, target, &config.travel)
-            })
-        };
+        let travel = &config.travel;
+        if travel.is_free() {
+            return self.pass_freely(config, items, wanted, shown);
+        }
+        let limits = self.advance(config, items, move |segment, position, heights, mut item| {
+            let step = segment.advance(position, heights, wanted(&mut item), travel);
+            shown(item, step.position);
+            step
+        });
+        Step { mirror: self, limits }
+    }
+
+    /// [`Mirror::pass`] for a mirror of [`is_free`](crate::segments::Travel::is_free).
+    #[inline(always)]
+    pub(crate) fn pass_freely<W, const P: usize, const B: usize, const K: usize>(
+        &mut self,
+        config: &Config<M, P, B, K>,
+        items: impl Iterator<Item = W>,
+        mut wanted: impl FnMut(&mut W) -> Position,
+        mut shown: impl FnMut(W, Position),
+    ) -> Step<'_, M> {
+        let bits = config.travel.ratio_bits;
+        let limits = self.advance(config, items, move |segment, _, _, mut item| {
+            let step = segment.go(wanted(&mut item), bits);
+            shown(item, step.position);
+            step
+        });
         Step { mirror: self, limits }
     }
 
@@ -233,28 +254,27 @@ impl<const M: usize> Mirror<M> {
     ///
     /// Not inlined: it needs all registers.
     #[inline(never)]
-    fn advance<const P: usize, const B: usize, const K: usize>(
+    fn advance<W, const P: usize, const B: usize, const K: usize>(
         &mut self,
         config: &Config<M, P, B, K>,
-        wanted: impl Iterator<Item = Position>,
-        go: impl FnMut(&Segment, Position, [i32; ACTUATORS], Position) -> Move,
+        items: impl Iterator<Item = W>,
+        go: impl FnMut(&Segment, Position, [i32; ACTUATORS], W) -> Move,
     ) -> Limits {
-        self.walk(config, wanted, go)
+        self.walk(config, items, go)
     }
 
-    /// Wanted positions to positions and heights by `go`, from where a segment is.
+    /// Positions and heights by `go`, from where a segment is and what there is of `items` for it.
     #[inline(always)]
     fn walk<W, const P: usize, const B: usize, const K: usize>(
         &mut self,
         config: &Config<M, P, B, K>,
-        wanted: impl Iterator<Item = W>,
+        items: impl Iterator<Item = W>,
         mut go: impl FnMut(&Segment, Position, [i32; ACTUATORS], W) -> Move,
     ) -> Limits {
         let (mut saturated, mut slewed) = (0u32, 0u32);
         let state = self.positions.iter_mut().zip(&mut self.heights_ulp);
-        for ((wanted, segment), (position, heights_ulp)) in wanted.zip(&config.segments).zip(state)
-        {
-            let step = go(segment, *position, *heights_ulp, wanted);
+        for ((item, segment), (position, heights_ulp)) in items.zip(&config.segments).zip(state) {
+            let step = go(segment, *position, *heights_ulp, item);
             *position = step.position;
             *heights_ulp = step.heights_ulp;
             saturated = saturated.wrapping_add(step.limited.saturated);
@@ -273,12 +293,15 @@ impl<const M: usize> Mirror<M> {
     ) {
         let heights = config.responses.iter().zip(&self.heights_ulp).zip(&mut self.codes);
         let Drive { law, spare_bits } = config.drive;
-        match law {
-            // One loop each: the law is the same for all.
-            Law::Linear => heights.for_each(|((responses, heights), codes)| {
+        // One loop each: the law is the same for all, and most DACs have 16 bits.
+        match (law, spare_bits) {
+            (Law::Linear, _) => heights.for_each(|((responses, heights), codes)| {
                 *codes = actuators::codes(Law::Linear, spare_bits, responses, heights);
             }),
-            Law::Quadratic => heights.for_each(|((responses, heights), codes)| {
+            (Law::Quadratic, 0) => heights.for_each(|((responses, heights), codes)| {
+                *codes = actuators::codes(Law::Quadratic, 0, responses, heights);
+            }),
+            (Law::Quadratic, _) => heights.for_each(|((responses, heights), codes)| {
                 *codes = actuators::codes(Law::Quadratic, spare_bits, responses, heights);
             }),
         }
@@ -306,11 +329,6 @@ impl<const M: usize> Mirror<M> {
 }
 
 impl<const M: usize> Step<'_, M> {
-    /// Where the segments go.
-    pub(crate) fn positions(&self) -> &[Position] {
-        self.mirror.positions()
-    }
-
     /// Makes the codes.
     pub(crate) fn drive<const P: usize, const B: usize, const K: usize>(
         self,

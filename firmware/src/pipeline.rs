@@ -516,21 +516,43 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         self.sor.load(&config.sor, self.control.commands());
         self.sor.relax(&config.sor, if self.warm { warm_sweeps } else { *cold_sweeps });
         self.warm = true;
-        report.residual_squared = self.sor.residual_squared(&config.sor);
-        self.sor.find_means(&config.sor, &config.nodes);
+        let totals = self.sor.totals(&config.sor);
+        report.residual_squared = totals.residual_squared;
+        let mean = self.sor.common_mean(&config.sor, &config.nodes, &totals);
         probe.after(Stage::Sor);
 
+        let given = self.global_tilt.is_some();
         let Self { control, sor, commands, mirror, .. } = self;
-        let wanted = config.nodes.iter().zip(commands).map(|(node, command)| {
-            *command = control.commands().get(node.place).copied().unwrap_or_default();
-            target(*command, sor.centred_piston(*node), *node, global_tilt)
-        });
-        let step = mirror.pass(config, wanted);
-        let [global_tip, global_tilt] = global_tilt;
-        control.record(step.positions().iter().map(|position| {
-            let [tip, tilt] = position.tilt_ulp;
-            [tip.wrapping_sub(global_tip), tilt.wrapping_sub(global_tilt)]
-        }));
+        let (newest, applied) = control.recording();
+        let items = config.nodes.iter().zip(commands).zip(applied);
+        let mut asked = move |node: &Node, command: &mut [i32; 2]| {
+            let (Some(&newest), Some(piston_ulp)) =
+                (newest.get(node.place), sor.centred_piston(node.place, mean))
+            else {
+                return Position::default();
+            };
+            *command = newest;
+            Position { piston_ulp, tilt_ulp: newest }
+        };
+        let step = if !given && config.travel.is_free() {
+            // Most instruments' frames: nothing is added, and commands are within their limits.
+            mirror.pass_freely(
+                config,
+                items,
+                move |((node, command), _)| asked(node, command),
+                |(_, applied), position| *applied = position.tilt_ulp,
+            )
+        } else {
+            mirror.pass(
+                config,
+                items,
+                move |((node, command), _)| with_global(asked(node, command), node, global_tilt),
+                move |(_, applied), position| {
+                    let ([tip, tilt], [global_tip, global_tilt]) = (position.tilt_ulp, global_tilt);
+                    *applied = [tip.wrapping_sub(global_tip), tilt.wrapping_sub(global_tilt)];
+                },
+            )
+        };
         report.saturated_actuators = step.limits.saturated;
         report.slewed_actuators = step.limits.slewed;
         count(&mut self.totals, report);
@@ -749,18 +771,19 @@ fn count(totals: &mut Totals, report: &Report) {
     add(&mut totals.slewed_actuators, u32::from(report.slewed_actuators));
 }
 
-/// The position asked of a segment: its command and piston, and those of the global tilt.
+/// The position asked of a segment, with the global tilt's.
 ///
 /// A global tilt T (centre to edge over half a pitch) is the plane T (2x - (N - 1)) of pistons:
 /// known exactly, so it is added and not solved for.
 #[inline(always)]
-fn target(command: [i32; 2], piston: i32, node: Node, global: [i32; 2]) -> Position {
-    let ([tip, tilt], [global_tip, global_tilt], [x, y]) = (command, global, node.centre);
+fn with_global(asked: Position, node: &Node, global: [i32; 2]) -> Position {
+    let ([tip, tilt], [global_tip, global_tilt], [x, y]) = (asked.tilt_ulp, global, node.centre);
     // Twice 2^23 x 39, and a piston below 2^25: within 2^29.4.
     let plane = global_tip.wrapping_mul(x.into()).wrapping_add(global_tilt.wrapping_mul(y.into()));
-    let add = |a: i32, b: i32| fixed::clamp(a.wrapping_add(b), TILT_LIMIT);
+    let add = |a: i32, b: i32| fixed::clamp_raised(a.wrapping_add(b), TILT_LIMIT);
+    let [raised_tip, raised_tilt] = global.map(|t| t.wrapping_add(TILT_LIMIT));
     Position {
-        piston_ulp: plane.wrapping_add(piston),
-        tilt_ulp: [add(tip, global_tip), add(tilt, global_tilt)],
+        piston_ulp: plane.wrapping_add(asked.piston_ulp),
+        tilt_ulp: [add(tip, raised_tip), add(tilt, raised_tilt)],
     }
 }

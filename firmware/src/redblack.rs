@@ -64,33 +64,89 @@ impl<'a, T: Copy> Sides<'a, T> {
     }
 }
 
-/// First node and number of nodes of one colour: all rows but the padded ones.
+/// Calls `each` with one place's values after the other and its west, east, north and south, as far as there
+/// are all of them.
+///
+/// Two places a turn on RISC-V, which halves the steps of pointers and moves nothing for the next west: what
+/// compilers do by themselves for other machines.
 #[inline(always)]
-fn span(grid: &Grid, colour: usize) -> core::ops::Range<usize> {
-    let start = grid.stride / 2 + (1 - colour);
-    start..start + (grid.nodes / 2).saturating_sub(grid.stride)
+pub(crate) fn each_with_sides<A, B, C, T: Copy>(
+    a: &mut [A],
+    b: &[B],
+    c: &[C],
+    sides: Sides<'_, T>,
+    mut each: impl FnMut(&mut A, &B, &C, [T; 4]),
+) {
+    if !cfg!(target_arch = "riscv32") {
+        for (((a, b), c), sides) in a.iter_mut().zip(b).zip(c).zip(sides.iter()) {
+            each(a, b, c, sides);
+        }
+        return;
+    }
+    let Sides { mut west, east, north, south } = sides;
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks_mut::<2>(), b.as_chunks::<2>());
+    let ((c, c_rest), (east, east_rest)) = (c.as_chunks::<2>(), east.as_chunks::<2>());
+    let ((north, north_rest), (south, south_rest)) =
+        (north.as_chunks::<2>(), south.as_chunks::<2>());
+    let own = a.iter_mut().zip(b).zip(c);
+    for (((a, b), c), (east, (north, south))) in own.zip(east.iter().zip(north.iter().zip(south))) {
+        let ([a0, a1], [b0, b1], [c0, c1]) = (a, b, c);
+        let ([e0, e1], [n0, n1], [s0, s1]) = (*east, *north, *south);
+        each(a0, b0, c0, [west, e0, n0, s0]);
+        each(a1, b1, c1, [e0, e1, n1, s1]);
+        west = e1;
+    }
+    if let ([a], [b], [c], [east], [north], [south]) =
+        (a_rest, b_rest, c_rest, east_rest, north_rest, south_rest)
+    {
+        each(a, b, c, [west, *east, *north, *south]);
+    }
 }
 
-/// The nodes of one colour of a half array that belongs to the same grid.
-#[inline(always)]
-fn of<'a, T>(half: &'a [T], grid: &Grid, colour: usize) -> &'a [T] {
-    half.get(span(grid, colour)).unwrap_or_default()
+/// Where the nodes of one colour, all rows but the padded ones, start in its half, and their neighbours in
+/// the other.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Offsets {
+    pub(crate) own: usize,
+    pub(crate) west: usize,
+    pub(crate) east: usize,
+    pub(crate) north: usize,
+    pub(crate) south: usize,
+    /// How many they are.
+    pub(crate) places: usize,
 }
 
-/// The sides of the nodes of `colour`, from the other colour's half.
-#[inline(always)]
-fn sides<'a, T: Copy + Default>(other: &'a [T], grid: &Grid, colour: usize) -> Sides<'a, T> {
-    let nodes = span(grid, colour);
-    let (red, len) = (1 - colour, nodes.len());
-    let at = |shift: usize, back: usize| {
-        let start = (nodes.start + shift).saturating_sub(back);
-        other.get(start..start + len).unwrap_or_default()
-    };
-    Sides {
-        west: at(0, red).first().copied().unwrap_or_default(),
-        east: at(1 - red, 0),
-        north: at(0, grid.stride / 2 + red),
-        south: at(grid.stride / 2 + 1 - red, 0),
+impl Offsets {
+    #[inline(always)]
+    pub(crate) const fn new(grid: &Grid, colour: usize) -> Self {
+        let (row, red) = (grid.stride / 2, 1 - colour);
+        let own = row + red;
+        Self {
+            own,
+            west: own - red,
+            east: own + colour,
+            // A row is half a node longer than its half.
+            north: own - row - red,
+            south: own + row + colour,
+            places: (grid.nodes / 2).saturating_sub(grid.stride),
+        }
+    }
+
+    /// As many of a half as there are places, from `start` on.
+    #[inline(always)]
+    fn of<T>(self, half: &[T], start: usize) -> &[T] {
+        half.get(start..start + self.places).unwrap_or_default()
+    }
+
+    /// The sides, from the other colour's half.
+    #[inline(always)]
+    fn sides<T: Copy + Default>(self, other: &[T]) -> Sides<'_, T> {
+        Sides {
+            west: other.get(self.west).copied().unwrap_or_default(),
+            east: self.of(other, self.east),
+            north: self.of(other, self.north),
+            south: self.of(other, self.south),
+        }
     }
 }
 
@@ -117,6 +173,16 @@ impl<T: Copy + Default, const M: usize> RedBlack<T, M> {
         self.0.as_flattened_mut().get_mut(usize::from(place.0))
     }
 
+    /// The values of all nodes, in the order of places.
+    pub(crate) fn all(&self) -> impl Iterator<Item = &T> {
+        self.0.as_flattened().iter()
+    }
+
+    /// The same, to write.
+    pub(crate) fn all_mut(&mut self) -> impl Iterator<Item = &mut T> {
+        self.0.as_flattened_mut().iter_mut()
+    }
+
     #[inline(always)]
     fn half(&self, colour: usize) -> &[T; M] {
         let [red, black] = &self.0;
@@ -126,21 +192,23 @@ impl<T: Copy + Default, const M: usize> RedBlack<T, M> {
     /// The nodes of one colour.
     #[inline(always)]
     pub(crate) fn nodes(&self, grid: &Grid, colour: usize) -> &[T] {
-        of(self.half(colour), grid, colour)
+        let at = Offsets::new(grid, colour);
+        at.of(self.half(colour), at.own)
     }
 
     /// The nodes of one colour, to write.
     #[inline(always)]
     pub(crate) fn nodes_mut(&mut self, grid: &Grid, colour: usize) -> &mut [T] {
+        let at = Offsets::new(grid, colour);
         let [red, black] = &mut self.0;
         let half = if colour == 0 { red } else { black };
-        half.get_mut(span(grid, colour)).unwrap_or_default()
+        half.get_mut(at.own..at.own + at.places).unwrap_or_default()
     }
 
     /// The neighbours of the nodes of one colour.
     #[inline(always)]
     pub(crate) fn sides(&self, grid: &Grid, colour: usize) -> Sides<'_, T> {
-        sides(self.half(1 - colour), grid, colour)
+        Offsets::new(grid, colour).sides(self.half(1 - colour))
     }
 
     /// The nodes of one colour, to write, and their neighbours.
@@ -150,10 +218,24 @@ impl<T: Copy + Default, const M: usize> RedBlack<T, M> {
         grid: &Grid,
         colour: usize,
     ) -> (&mut [T], Sides<'_, T>) {
+        let at = Offsets::new(grid, colour);
         let [red, black] = &mut self.0;
         let (own, other) = if colour == 0 { (red, black) } else { (black, red) };
-        let nodes = own.get_mut(span(grid, colour)).unwrap_or_default();
-        (nodes, sides(other, grid, colour))
+        (own.get_mut(at.own..at.own + at.places).unwrap_or_default(), at.sides(other))
+    }
+
+    /// Both halves.
+    #[cfg(any(target_arch = "riscv32", armv7em, test))]
+    #[inline(always)]
+    pub(crate) const fn halves(&self) -> &[[T; M]; 2] {
+        &self.0
+    }
+
+    /// Both halves, to write.
+    #[cfg(any(target_arch = "riscv32", armv7em, test))]
+    #[inline(always)]
+    pub(crate) const fn halves_mut(&mut self) -> &mut [[T; M]; 2] {
+        &mut self.0
     }
 }
 

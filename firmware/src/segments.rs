@@ -32,7 +32,7 @@
 //! quarters of an LSB up to 2^22 ([`fixed::ratio_q16`]), rounded down so that the result is inside.
 
 use crate::error::{ConfigError, Field};
-use crate::fixed::{self, TILT_LIMIT, larger, mul_high, positive, smaller};
+use crate::fixed::{self, TILT_LIMIT, larger, mul_short, negative, positive, smaller};
 use serde::{Deserialize, Serialize};
 
 /// Actuators of a segment.
@@ -118,32 +118,14 @@ pub(crate) struct Move {
     pub(crate) limited: Limited,
 }
 
-/// What a tip/tilt leaves to the piston.
+/// What limits make of a piston.
 #[derive(Clone, Copy)]
-struct Room {
-    /// Height of each actuator at piston 0.
-    tilted: [i32; ACTUATORS],
-    /// Least and greatest piston for each actuator.
-    pistons: [(i32, i32); ACTUATORS],
-}
-
-impl Room {
-    /// The piston nearest to `wanted` that all of them allow; the least one that no lower limit forbids
-    /// where none will do, as rounding can have it by an ulp where exactly one did.
-    #[inline(always)]
-    fn nearest(&self, wanted_ulp: i32) -> i32 {
-        let [(l0, h0), (l1, h1), (l2, h2)] = self.pistons;
-        let (low, high) = (larger(larger(l0, l1), l2), smaller(smaller(h0, h1), h2));
-        larger(smaller(wanted_ulp, high), low)
-    }
-
-    /// Actuators that a piston takes beyond their limits.
-    #[inline(always)]
-    fn saturated(&self, piston_ulp: i32) -> u32 {
-        let [a, b, c] = self.pistons;
-        let beyond = |(low, high)| u32::from(piston_ulp < low) | u32::from(piston_ulp > high);
-        beyond(a) + beyond(b) + beyond(c)
-    }
+struct Fit {
+    /// What it changes by: to the nearest that all actuators allow, and to the least that no lower limit
+    /// forbids where none will do, as rounding can have it by an ulp where exactly one did.
+    change: i32,
+    /// Actuators that were beyond their limits.
+    saturated: u32,
 }
 
 impl Segment {
@@ -182,41 +164,46 @@ impl Segment {
         })
     }
 
+    /// Height of each actuator at piston 0.
     #[inline(always)]
-    fn room(&self, tilt_ulp: [i32; 2], ratio_bits: u32) -> Room {
+    fn tilted(&self, tilt_ulp: [i32; 2], ratio_bits: u32) -> [i32; ACTUATORS] {
         let [tip, tilt] = tilt_ulp;
         let (tip, tilt) = (tip.wrapping_shl(16 - DROPPED), tilt.wrapping_shl(16 - DROPPED));
         let (rest, half) = (ratio_bits - DROPPED, (1 << (ratio_bits - DROPPED)) >> 1);
-        let product = |t: i16, tilt: i32| mul_high(i32::from(t) << 16, tilt);
         let tilted = |[tx, ty]: [i16; 2]| {
-            product(tx, tip).wrapping_add(product(ty, tilt)).wrapping_add(half) >> rest
+            mul_short(tx, tip).wrapping_add(mul_short(ty, tilt)).wrapping_add(half) >> rest
         };
         let [t0, t1, t2] = self.ratios;
-        let (q0, q1, q2) = (tilted(t0), tilted(t1), tilted(t2));
+        [tilted(t0), tilted(t1), tilted(t2)]
+    }
+
+    /// What the limits make of a piston that has brought the actuators to these heights, within 2^30.
+    #[inline(always)]
+    fn fit(&self, heights_ulp: [i32; ACTUATORS]) -> Fit {
         let ([l0, l1, l2], [h0, h1, h2]) = (self.lowest, self.highest);
-        let piston = |low: i32, high: i32, q| (low.wrapping_sub(q), high.wrapping_sub(q));
-        Room {
-            tilted: [q0, q1, q2],
-            pistons: [piston(l0, h0, q0), piston(l1, h1, q1), piston(l2, h2, q2)],
+        let [a, b, c] = heights_ulp;
+        // What is left above and below, negative beyond a limit: of one actuator never both.
+        let (up0, up1, up2) = (h0.wrapping_sub(a), h1.wrapping_sub(b), h2.wrapping_sub(c));
+        let (down0, down1, down2) = (a.wrapping_sub(l0), b.wrapping_sub(l1), c.wrapping_sub(l2));
+        let beyond = |up: i32, down: i32| (up | down) as u32 >> 31;
+        let most = smaller(smaller(negative(up0), up1), up2);
+        let least = smaller(smaller(down0, down1), down2).wrapping_neg();
+        Fit {
+            change: larger(most, least),
+            saturated: beyond(up0, down0) + beyond(up1, down1) + beyond(up2, down2),
         }
     }
 
     /// Goes to `target` within limits, for a mirror of [`Travel::is_free`]: at most the piston gives way.
     #[inline(always)]
     pub(crate) fn go(&self, target: Position, ratio_bits: u32) -> Move {
-        let room = self.room(target.tilt_ulp, ratio_bits);
-        let wanted = target.piston_ulp;
-        let piston_ulp = room.nearest(wanted);
-        let [q0, q1, q2] = room.tilted;
+        let heights = raised(self.tilted(target.tilt_ulp, ratio_bits), target.piston_ulp);
+        let Fit { change, saturated } = self.fit(heights);
         Move {
-            position: Position { piston_ulp, tilt_ulp: target.tilt_ulp },
+            position: Position { piston_ulp: target.piston_ulp.wrapping_add(change), ..target },
             // Within the limits, since the piston is within what each leaves it.
-            heights_ulp: [
-                piston_ulp.wrapping_add(q0),
-                piston_ulp.wrapping_add(q1),
-                piston_ulp.wrapping_add(q2),
-            ],
-            limited: Limited { saturated: room.saturated(wanted), slewed: 0 },
+            heights_ulp: raised(heights, change),
+            limited: Limited { saturated, slewed: 0 },
         }
     }
 
@@ -230,26 +217,27 @@ impl Segment {
         travel: &Travel,
     ) -> Move {
         let mut position = target;
-        let mut room = self.room(target.tilt_ulp, travel.ratio_bits);
+        let mut tilted = self.tilted(target.tilt_ulp, travel.ratio_bits);
         let wanted = target.piston_ulp;
-        let saturated = room.saturated(wanted);
+        let Fit { mut change, saturated } = self.fit(raised(tilted, wanted));
         if travel.tilts_shrink {
-            let scale = self.tilt_scale(&room);
+            let scale = self.tilt_scale(tilted);
             position.tilt_ulp = target.tilt_ulp.map(|tilt| shrink(tilt, scale));
-            room = self.room(position.tilt_ulp, travel.ratio_bits);
+            tilted = self.tilted(position.tilt_ulp, travel.ratio_bits);
+            change = self.fit(raised(tilted, wanted)).change;
         }
-        position.piston_ulp = room.nearest(wanted);
+        position.piston_ulp = wanted.wrapping_add(change);
         let mut slewed = 0;
         if travel.slews {
-            let heights = room.tilted.map(|q| position.piston_ulp.wrapping_add(q));
+            let heights = raised(tilted, position.piston_ulp);
             let steps = pairs(heights, from_ulp).map(|(to, from)| to.wrapping_sub(from));
             let motions = pairs(steps, self.influence).map(|(step, m)| motion(step, m));
             slewed = motions.into_iter().map(|m| u32::from(m > travel.slew_ulp as u32)).sum();
             let longest = motions.into_iter().fold(0, |longest, m| larger(longest, m as i32));
             position = towards(previous, position, scale(travel.slew_ulp, longest));
-            room = self.room(position.tilt_ulp, travel.ratio_bits);
+            tilted = self.tilted(position.tilt_ulp, travel.ratio_bits);
         }
-        let limits = pairs(pairs(self.lowest, self.highest), room.tilted);
+        let limits = pairs(pairs(self.lowest, self.highest), tilted);
         // Inside by construction but for the rounding of the last products.
         let heights_ulp = limits.map(|((low, high), q)| {
             smaller(larger(position.piston_ulp.wrapping_add(q), low), high)
@@ -283,7 +271,7 @@ impl Segment {
             Some(nearest.max(-limit).min(limit) as i32)
         };
         let tilt_ulp = [solve(u * d - v * b)?, solve(a * v - c * u)?];
-        let [q0, ..] = self.room(tilt_ulp, ratio_bits).tilted;
+        let [q0, ..] = self.tilted(tilt_ulp, ratio_bits);
         Some(Position { piston_ulp: h0.wrapping_sub(q0), tilt_ulp })
     }
 
@@ -298,8 +286,8 @@ impl Segment {
 
     /// The part of a tip/tilt that exactly one piston makes reachable, Q16, at most 1.
     #[inline]
-    fn tilt_scale(&self, room: &Room) -> u32 {
-        let [a, b, c] = pairs(pairs(self.lowest, self.highest), room.tilted);
+    fn tilt_scale(&self, tilted: [i32; ACTUATORS]) -> u32 {
+        let [a, b, c] = pairs(pairs(self.lowest, self.highest), tilted);
         // From one actuator's lower limit to the other's upper one: what is there, and what the
         // tilt takes.
         [(a, b), (b, a), (a, c), (c, a), (b, c), (c, b)]
@@ -343,6 +331,12 @@ pub(crate) fn leaked(position: Position, part_q16: u16) -> Position {
 fn motion(step_ulp: i32, influence: u16) -> u32 {
     let product = u64::from(step_ulp.unsigned_abs() + 1) * u64::from(influence);
     ((product + (1 << INFLUENCE_BITS) - 1) >> INFLUENCE_BITS) as u32
+}
+
+/// Heights with a piston added.
+#[inline(always)]
+fn raised([a, b, c]: [i32; ACTUATORS], piston_ulp: i32) -> [i32; ACTUATORS] {
+    [a.wrapping_add(piston_ulp), b.wrapping_add(piston_ulp), c.wrapping_add(piston_ulp)]
 }
 
 #[inline(always)]

@@ -16,20 +16,24 @@
 //! bipartite, so that this has the optimal omega of lexicographic order and no order of its own
 //! within a colour.
 //!
-//! **Scaling and overflow.** Everything is i32 in ulp. |X|, |Y| <= 2^23 and each of four edges has two
-//! of them, hence |b| <= 2^25; |p| <= 3 x 2^23, hence each of four p_j - p is within 3 x 2^24 and
-//! |r| <= 2^25 + 3 x 2^26 = 7 x 2^25 < 2^28. The step is one rounded multiply-high
-//! ([`fixed::mul_q30`]); p is then saturated to +-3 x 2^23. Rounding to nearest leaves at most 0.56 LSB of error, limit cycles
-//! included, at N = 40.
+//! **Scaling and overflow.** Everything is i32 in ulp, and in the solver half an ulp. |X|, |Y| <= 2^23 and
+//! each of four edges has two of them, hence |b| <= 2^25; |p| <= 3 x 2^23, hence each of four p_j - p is
+//! within 3 x 2^24 and |r| <= 2^25 + 3 x 2^26 = 7 x 2^25 < 2^28. The step is one multiply-high of 8 r,
+//! twice the step rounded down, and is rounded to nearest as it is added (`Unknown`); p is then saturated
+//! to +-3 x 2^23. Rounding to nearest leaves at most 0.56 LSB of error, limit cycles included, at N = 40.
 //!
 //! The right-hand side is absolute (the whole tip/tilt command, not its change) and the solver
 //! starts from the last frame's pistons. Then a fixed number of sweeps, ceil(N/2) on a circle and
 //! more where the mask relaxes more slowly, keeps the error within 10 % rms of the residual
 //! wavefront error, where a cold start would leave 40-50 %.
 
-use crate::fixed::{self, PISTON_LIMIT};
+#[cfg(any(target_arch = "riscv32", armv7em))]
+use crate::dsp::relax::Lines;
+use crate::fixed::{self, PISTON_LIMIT, Sum};
 use crate::geometry::Grid;
-use crate::redblack::{COLOURS, Place, RedBlack};
+#[cfg(any(target_arch = "riscv32", armv7em))]
+use crate::redblack::Offsets;
+use crate::redblack::{COLOURS, Place, RedBlack, each_with_sides};
 
 /// What a relaxation step needs of the pupil.
 #[derive(Debug)]
@@ -53,6 +57,7 @@ pub struct SorConfig<const M: usize> {
 /// The byte is left in where the step is multiplied by: it changes it by less than 2^-22, and the point
 /// where the relaxation comes to rest not at all.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(transparent)]
 pub struct Coupling(i32);
 
 /// Bits of a coupling that hold its neighbourhood.
@@ -97,11 +102,26 @@ impl Coupling {
         self.0 << 25 >> 30
     }
 
-    /// r = b + sum of the neighbours - degree p.
+    /// What residuals are multiplied by: the step, with the lowest byte left in.
+    #[cfg(test)]
+    pub(crate) const fn multiplier(self) -> i32 {
+        self.0
+    }
+
+    /// A step of a node that is there.
+    #[cfg(not(any(target_arch = "riscv32", armv7em)))]
+    #[inline(always)]
+    pub(crate) fn relax(self, own: &mut Unknown, sides: [Unknown; 4]) {
+        // Twice the step, rounded down: |2 r| < 2^29.
+        own.go(fixed::mul_high(self.0, self.residual(*own, sides) << 2));
+    }
+
+    /// 2 r = 2 (b + sum of the neighbours - degree p).
     #[inline(always)]
     fn residual(self, own: Unknown, [w, e, n, s]: [Unknown; 4]) -> i32 {
-        let around = w.piston.wrapping_add(e.piston).wrapping_add(n.piston.wrapping_add(s.piston));
-        own.rhs.wrapping_add(around).wrapping_sub(own.piston.wrapping_mul(self.degree()))
+        let around =
+            w.doubled.wrapping_add(e.doubled).wrapping_add(n.doubled.wrapping_add(s.doubled));
+        own.rhs.wrapping_add(around).wrapping_sub(own.doubled.wrapping_mul(self.degree()))
     }
 }
 
@@ -126,17 +146,51 @@ impl<const M: usize> SorConfig<M> {
     };
 }
 
-/// A node's piston and its right-hand side, ulp: one read brings both.
+/// A node's piston and its right-hand side: one read brings both.
 #[derive(Clone, Copy, Debug, Default)]
-struct Unknown {
-    piston: i32,
-    rhs: i32,
+#[repr(C)]
+pub(crate) struct Unknown {
+    /// 2 (p - [`PISTON_LIMIT`]) + 1, 1 at most; 0 where there is no node. A residual has as many p_j as
+    /// -p_i, from which constants go. With its upper end at 0 a mask limits it, and half an ulp up, a
+    /// step in halves of an ulp is rounded by setting its last bit.
+    pub(crate) doubled: i32,
+    /// 2 b.
+    pub(crate) rhs: i32,
+}
+
+/// From the piston's lower limit to its upper one, doubled.
+pub(crate) const ROOM: i32 = 4 * PISTON_LIMIT;
+
+impl Unknown {
+    /// Moves the piston by `halves` of an ulp, below 2^30, rounded to nearest with ties up, within its
+    /// limits.
+    #[inline(always)]
+    fn go(&mut self, halves: i32) {
+        let up = fixed::positive(self.doubled.wrapping_add(halves.wrapping_add(ROOM)));
+        self.doubled = fixed::negative(up.wrapping_sub(ROOM)) | 1;
+    }
+
+    #[inline(always)]
+    pub(crate) const fn piston(self) -> i32 {
+        (self.doubled >> 1).wrapping_add(PISTON_LIMIT)
+    }
+}
+
+/// Sums over all nodes.
+#[derive(Debug)]
+pub(crate) struct Totals {
+    /// Of (r / 8)^2: |r / 8| < 2^25 and at most 1600 nodes, below 2^61.
+    pub(crate) residual_squared: u64,
+    /// Of the doubled pistons.
+    doubled: i64,
 }
 
 /// Pistons and right-hand side of the relaxation.
 #[derive(Debug)]
 pub struct Sor<const M: usize> {
     unknowns: RedBlack<Unknown, M>,
+    /// Whether the next right-hand side finds pistons.
+    warm: bool,
     /// Sum, then mean, of the pistons of each component, ulp.
     means: [i64; M],
 }
@@ -150,30 +204,64 @@ impl<const M: usize> Default for Sor<M> {
 impl<const M: usize> Sor<M> {
     /// Zero pistons.
     pub const fn new() -> Self {
-        Self { unknowns: RedBlack::new(Unknown { piston: 0, rhs: 0 }), means: [0; M] }
+        Self { unknowns: RedBlack::new(Unknown { doubled: 0, rhs: 0 }), warm: false, means: [0; M] }
     }
 
     /// The right-hand side from tips and tilts, ulp, which are zero outside the mask.
     pub fn load(&mut self, config: &SorConfig<M>, tilts: &RedBlack<[i32; 2], M>) {
-        let grid = &config.grid;
+        if !self.warm {
+            self.start(config);
+        }
         for colour in COLOURS {
-            let own = tilts.nodes(grid, colour).iter().zip(tilts.sides(grid, colour).iter());
-            let couplings = config.couplings.nodes(grid, colour);
-            let unknowns = self.unknowns.nodes_mut(grid, colour).iter_mut();
-            for ((unknown, &coupling), (&[x, y], [[xw, _], [xe, _], [_, yn], [_, ys]])) in
-                unknowns.zip(couplings).zip(own)
-            {
-                if !coupling.present() {
-                    continue;
+            self.load_colour(config, tilts, colour);
+        }
+    }
+
+    /// Not inlined: it needs all registers.
+    #[inline(never)]
+    fn load_colour(&mut self, config: &SorConfig<M>, tilts: &RedBlack<[i32; 2], M>, colour: usize) {
+        let grid = &config.grid;
+        each_with_sides(
+            self.unknowns.nodes_mut(grid, colour),
+            config.couplings.nodes(grid, colour),
+            tilts.nodes(grid, colour),
+            tilts.sides(grid, colour),
+            |unknown, coupling, &[x, y], [[xw, _], [xe, _], [_, yn], [_, ys]]| {
+                if coupling.present() {
+                    let across = xw.wrapping_sub(xe).wrapping_add(x.wrapping_mul(coupling.dx()));
+                    let down = yn.wrapping_sub(ys).wrapping_add(y.wrapping_mul(coupling.dy()));
+                    unknown.rhs = across.wrapping_add(down) << 1;
                 }
-                let across = xw.wrapping_sub(xe).wrapping_add(x.wrapping_mul(coupling.dx()));
-                let down = yn.wrapping_sub(ys).wrapping_add(y.wrapping_mul(coupling.dy()));
-                unknown.rhs = across.wrapping_add(down);
-            }
+            },
+        );
+    }
+
+    /// Pistons of 0.
+    #[cold]
+    #[inline(never)]
+    fn start(&mut self, config: &SorConfig<M>) {
+        self.warm = true;
+        for (unknown, coupling) in self.unknowns.all_mut().zip(config.couplings.all()) {
+            let doubled = if coupling.present() { 1 - 2 * PISTON_LIMIT } else { 0 };
+            *unknown = Unknown { doubled, rhs: 0 };
         }
     }
 
     /// Relaxes `sweeps` times, red nodes then black ones.
+    ///
+    /// Not inlined: it needs all registers.
+    #[cfg(any(target_arch = "riscv32", armv7em))]
+    #[inline(never)]
+    pub fn relax(&mut self, config: &SorConfig<M>, sweeps: u16) {
+        let at = COLOURS.map(|colour| Offsets::new(&config.grid, colour));
+        let lines = Lines::new(self.unknowns.halves_mut(), config.couplings.halves(), &at);
+        if let Some(lines) = lines {
+            lines.relax(sweeps);
+        }
+    }
+
+    /// Relaxes `sweeps` times, red nodes then black ones.
+    #[cfg(not(any(target_arch = "riscv32", armv7em)))]
     pub fn relax(&mut self, config: &SorConfig<M>, sweeps: u16) {
         for _ in 0..sweeps {
             for colour in COLOURS {
@@ -182,99 +270,124 @@ impl<const M: usize> Sor<M> {
         }
     }
 
-    /// Not inlined: it needs all registers.
-    #[inline(never)]
+    #[cfg(not(any(target_arch = "riscv32", armv7em)))]
     fn relax_colour(&mut self, config: &SorConfig<M>, colour: usize) {
         let (own, sides) = self.unknowns.nodes_and_sides(&config.grid, colour);
         let couplings = config.couplings.nodes(&config.grid, colour);
         for ((unknown, &coupling), sides) in own.iter_mut().zip(couplings).zip(sides.iter()) {
-            if !coupling.present() {
-                continue;
+            if coupling.present() {
+                coupling.relax(unknown, sides);
             }
-            let r = coupling.residual(*unknown, sides);
-            let next = unknown.piston.wrapping_add(fixed::mul_q30(coupling.0, r));
-            unknown.piston = fixed::clamp(next, PISTON_LIMIT);
         }
     }
 
     /// The sum of (r / 8)^2 over all nodes, ulp^2 / 64.
     ///
     /// r is that of the unnormalised Laplacian, so that the error obeys |e| <= |r| / lambda_2.
-    /// |r / 8| < 2^25 and at most 1600 nodes: below 2^61.
     pub fn residual_squared(&self, config: &SorConfig<M>) -> u64 {
-        let grid = &config.grid;
-        let mut total = 0u64;
-        for colour in COLOURS {
-            let couplings = config.couplings.nodes(grid, colour);
-            let nodes = self.unknowns.nodes(grid, colour).iter().zip(couplings);
-            let sides = self.unknowns.sides(grid, colour);
-            for ((&unknown, coupling), sides) in nodes.zip(sides.iter()) {
-                if coupling.present() {
-                    let r = coupling.residual(unknown, sides) >> 3;
-                    total = total.wrapping_add(i64::from(r).wrapping_mul(i64::from(r)) as u64);
-                }
-            }
+        self.totals(config).residual_squared
+    }
+
+    /// What is known of all nodes together.
+    pub(crate) fn totals(&self, config: &SorConfig<M>) -> Totals {
+        let [red, black] = COLOURS.map(|colour| self.totals_of(config, colour));
+        Totals {
+            residual_squared: red.residual_squared.wrapping_add(black.residual_squared),
+            doubled: red.doubled.wrapping_add(black.doubled),
         }
-        total
+    }
+
+    /// Not inlined: it needs all registers.
+    #[inline(never)]
+    fn totals_of(&self, config: &SorConfig<M>, colour: usize) -> Totals {
+        let (grid, mut squares, mut doubled) = (&config.grid, 0u64, Sum::default());
+        let (unknowns, couplings) =
+            (self.unknowns.nodes(grid, colour), config.couplings.nodes(grid, colour));
+        // Nothing is written.
+        let mut none = [(); M];
+        let none = none.get_mut(..unknowns.len()).unwrap_or_default();
+        let sides = self.unknowns.sides(grid, colour);
+        each_with_sides(none, unknowns, couplings, sides, |(), unknown, coupling, sides| {
+            if coupling.present() {
+                let r = i64::from(coupling.residual(*unknown, sides) >> 4);
+                squares = squares.wrapping_add(r.wrapping_mul(r) as u64);
+                doubled.add(unknown.doubled);
+            }
+        });
+        Totals { residual_squared: squares, doubled: doubled.total() }
     }
 
     /// Takes the mean piston off each connected component.
     pub fn remove_means(&mut self, config: &SorConfig<M>, nodes: &[Node]) {
-        self.find_means(config, nodes);
+        let mean = self.common_mean(config, nodes, &self.totals(config));
         for node in nodes {
-            self.centred_piston(*node);
+            self.centred_piston(node.place, mean);
         }
     }
 
-    /// The mean piston of each connected component.
+    /// The mean piston of the one connected component, ulp, still to be taken off; of several each has
+    /// its own taken off here, and nothing is left.
     ///
-    /// The mean is the sum (below 1600 x 2^25 < 2^36) times the floor of 2^24 / size, i64. The
+    /// A mean is the sum (below 1600 x 2^25 < 2^36) times the floor of 2^24 / size, i64. The
     /// reciprocal is low by less than size / 2^24 of itself, which of a mean that was zero a
     /// frame ago leaves nothing.
-    pub(crate) fn find_means(&mut self, config: &SorConfig<M>, nodes: &[Node]) {
+    pub(crate) fn common_mean(
+        &mut self,
+        config: &SorConfig<M>,
+        nodes: &[Node],
+        totals: &Totals,
+    ) -> i32 {
+        let &[size] = config.sizes.as_slice() else {
+            self.remove_own_means(config, nodes);
+            return 0;
+        };
+        let offsets = i64::from(1 - 2 * PISTON_LIMIT) * i64::from(size);
+        mean(totals.doubled.wrapping_sub(offsets) >> 1, size)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn remove_own_means(&mut self, config: &SorConfig<M>, nodes: &[Node]) {
         let components = config.sizes.len();
         self.means.iter_mut().take(components).for_each(|sum| *sum = 0);
-        if let Some(sum) = self.means.first_mut()
-            && components == 1
-        {
-            for colour in COLOURS {
-                // Where there is no node the piston is zero.
-                for unknown in self.unknowns.nodes(&config.grid, colour) {
-                    *sum = sum.wrapping_add(i64::from(unknown.piston));
-                }
-            }
-        } else {
-            for node in nodes {
-                let p = self.piston(*node);
-                if let Some(sum) = self.means.get_mut(usize::from(node.component)) {
-                    *sum = sum.wrapping_add(i64::from(p));
-                }
+        for node in nodes {
+            let p = self.piston(*node);
+            if let Some(sum) = self.means.get_mut(usize::from(node.component)) {
+                *sum = sum.wrapping_add(i64::from(p));
             }
         }
         for (sum, &size) in self.means.iter_mut().zip(&config.sizes) {
-            let inverse = (1 << 24) / u32::from(size.max(1));
-            *sum = fixed::round_shift(sum.wrapping_mul(i64::from(inverse)), 24);
+            *sum = mean(*sum, size).into();
+        }
+        for node in nodes {
+            let mean = self.means.get(usize::from(node.component)).copied().unwrap_or(0) as i32;
+            self.centred_piston(node.place, mean);
         }
     }
 
-    /// Takes the mean off one piston, ulp, and tells it.
+    /// Takes the mean off one piston, ulp, and tells it; `None` off the grid.
     #[inline(always)]
-    pub(crate) fn centred_piston(&mut self, node: Node) -> i32 {
-        let mean = self.means.get(usize::from(node.component)).copied().unwrap_or(0) as i32;
-        let Some(Unknown { piston, .. }) = self.unknowns.get_mut(node.place) else { return 0 };
-        // |p| and |mean| are within 2^25; a pathological component may need the limit.
-        *piston = fixed::clamp(piston.wrapping_sub(mean), PISTON_LIMIT);
-        *piston
+    pub(crate) fn centred_piston(&mut self, place: Place, mean: i32) -> Option<i32> {
+        let unknown = self.unknowns.get_mut(place)?;
+        // |mean| is within 2^25; a pathological component may need the limit.
+        unknown.go(mean.wrapping_neg() << 1);
+        Some(unknown.piston())
     }
 
     /// The piston of a subaperture, ulp.
     #[inline(always)]
     pub fn piston(&self, node: Node) -> i32 {
-        self.unknowns.get(node.place).map_or(0, |unknown| unknown.piston)
+        self.unknowns.get(node.place).map_or(0, |unknown| unknown.piston())
     }
 
     /// Forgets the pistons: the next frame starts cold.
     pub fn reset(&mut self) {
-        self.unknowns.fill(Unknown::default());
+        self.warm = false;
     }
+}
+
+/// What sums up to `sum`, of so many.
+fn mean(sum: i64, size: u16) -> i32 {
+    let inverse = (1 << 24) / u32::from(size.max(1));
+    fixed::round_shift(sum.wrapping_mul(i64::from(inverse)), 24) as i32
 }

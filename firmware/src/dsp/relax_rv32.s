@@ -1,0 +1,67 @@
+// A place, `node` bytes from where the pointers of nodes are. `west` becomes its own; `east` is the next
+// place's west. Loads stand apart from what needs them.
+.macro place node, west, east
+    lw {k}, \node / 2({couplings})
+    lw \east, \node({east})
+    beqz {k}, 99f
+    lw {x}, \node({north})
+    lw {y}, \node({south})
+    lw {p}, \node({own})
+    lw {rhs}, \node + 4({own})
+    // 2 r.
+    add \west, \west, \east
+    add {x}, {x}, {y}
+    andi {y}, {k}, 7
+    mul {y}, {y}, {p}
+    add \west, \west, {x}
+    add \west, \west, {rhs}
+    sub \west, \west, {y}
+    // The step.
+    slli \west, \west, 2
+    mulh \west, \west, {k}
+    add {p}, {p}, \west
+    // The upper limit, the lower one, and rounding.
+    srai {x}, {p}, 31
+    and {p}, {p}, {x}
+    add {x}, {p}, {room}
+    srai {y}, {x}, 31
+    and {x}, {x}, {y}
+    sub {p}, {p}, {x}
+    ori {p}, {p}, 1
+    sw {p}, \node({own})
+99:
+.endm
+
+// Jumps to words' addresses: into the middle of one takes a cycle more.
+.option push
+.option norvc
+.p2align 2
+    addi {x}, {x}, -4
+    beqz {x}, 14f
+    bgtz {x}, 2f
+    addi {x}, {x}, 2
+    bltz {x}, 11f
+    beqz {x}, 12f
+    j 13f
+2:  addi {x}, {x}, -2
+    bltz {x}, 15f
+    beqz {x}, 16f
+    addi {x}, {x}, -2
+    bltz {x}, 17f
+    j 18f
+3:  addi {couplings}, {couplings}, 32
+    addi {own}, {own}, 64
+    addi {east}, {east}, 64
+    addi {north}, {north}, 64
+    addi {south}, {south}, 64
+    place 0, {a}, {b}
+11: place 8, {b}, {a}
+12: place 16, {a}, {b}
+13: place 24, {b}, {a}
+14: place 32, {a}, {b}
+15: place 40, {b}, {a}
+16: place 48, {a}, {b}
+17: place 56, {b}, {a}
+18: bne {own}, {end}, 3b
+.option pop
+.purgem place
