@@ -231,8 +231,9 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
                 });
             }
             let pixels = pixels.get(..usize::from(used).wrapping_mul(width)).unwrap_or_default();
-            let (readout, mut windows) = self.windows(config);
-            readout.push(config, pixels, used, &mut windows);
+            if let Some((readout, mut windows)) = self.windows(config) {
+                readout.push(config, pixels, used, &mut windows);
+            }
         }
         let extra = rows.wrapping_sub(used);
         if extra > 0 {
@@ -266,30 +267,33 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
                 Err(RowError::Length { found, expected: expected as u16 })
             }
             _ => {
-                let (readout, mut windows) = self.windows(config);
-                readout.supply(config, measurements, &mut windows);
+                if let Some((readout, mut windows)) = self.windows(config) {
+                    readout.supply(config, measurements, &mut windows);
+                }
                 Ok(Progress::Complete)
             }
         }
     }
 
-    /// The readout, and what takes its measurements.
+    /// The readout, and what takes its measurements: always there.
+    #[inline(always)]
     fn windows<'a, const P: usize>(
         &'a mut self,
         config: &'a Config<M, P, B, K>,
-    ) -> (&'a mut Readout<M, B>, Windows<'a, M, K>) {
-        let slopes = self.slopes.get_mut(1 - self.readout.complete());
+    ) -> Option<(&'a mut Readout<M, B>, Windows<'a, M, K>)> {
+        let slopes = self.slopes.get_mut(1 - self.readout.complete())?;
         let windows = Windows {
             calibration: &config.slopes,
             nodes: &config.nodes,
             scale: SlopeScale::new(config.gain_exponent),
             control: self.control.taking(&config.control),
-            slopes: slopes.map_or(&mut [], |slopes| slopes),
+            slopes,
             special: Special::new(&config.schedule, self.colour, self.lacking_q16),
             gates: config.modal.is_on().then_some((&config.modal, &mut self.modal)),
+            recent_saturated: 0,
             saturated_pixels: &mut self.saturated_pixels,
         };
-        (&mut self.readout, windows)
+        Some((&mut self.readout, windows))
     }
 
     /// Ends the frame: new codes if it was complete, the old ones if not.
@@ -650,10 +654,12 @@ struct Windows<'a, const M: usize, const K: usize> {
     nodes: &'a [Node],
     scale: SlopeScale,
     control: Taking<'a, M>,
-    slopes: &'a mut [Slope],
+    slopes: &'a mut [Slope; M],
     special: Option<Special<'a>>,
     /// Of a second gate.
     gates: Option<(&'a ModalConfig<M, K>, &'a mut Modal<K>)>,
+    /// Since the last [`Sink::settle`], and of the frame.
+    recent_saturated: u32,
     saturated_pixels: &'a mut u32,
 }
 
@@ -673,10 +679,16 @@ impl<const M: usize, const K: usize> Sink for Windows<'_, M, K> {
             }
             return;
         };
+        self.recent_saturated += u32::from(measurement.saturated);
         let slope = slopes::slope(calibration, self.scale, measurement);
         *place = slope;
         self.control.take(i, node.place, &slope);
-        *self.saturated_pixels += u32::from(measurement.saturated);
+    }
+
+    #[inline(always)]
+    fn settle(&mut self) {
+        self.control.settle();
+        *self.saturated_pixels += core::mem::take(&mut self.recent_saturated);
     }
 }
 
@@ -701,7 +713,7 @@ impl<const M: usize, const K: usize> Windows<'_, M, K> {
             slopes::valid_in_proportion(calibration, measurement.flux, special.pulses_q16);
         *place = slope;
         self.control.take(i, node.place, &slope);
-        *self.saturated_pixels += u32::from(measurement.saturated);
+        self.recent_saturated += u32::from(measurement.saturated);
     }
 
     /// [`Sink::take`] of a window of the second gate, whose subaperture's first has ended.
