@@ -116,8 +116,12 @@ impl<'a, const N: usize> Rows<'a, N> {
     /// Row `y` and its floors.
     #[inline(always)]
     pub(crate) fn row(self, y: usize) -> Option<(&'a [u32; N], &'a [u32; N])> {
-        let raw = self.raw.get(y.wrapping_mul(self.stride)..)?.first_chunk()?;
-        Some((raw, self.floor.get(y)?))
+        let floor = self.floor.get(y)?;
+        // SAFETY: `Block::rows` took as many words for `raw` as rows have that are `stride` words apart,
+        // one for each in `floor`: row y has all of its N.
+        #[allow(unsafe_code)]
+        let raw = unsafe { &*self.raw.as_ptr().add(y * self.stride).cast() };
+        Some((raw, floor))
     }
 
     /// How many they are.

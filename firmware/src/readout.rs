@@ -220,14 +220,15 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             && matches!(config.estimator, EstimatorConfig::CentreOfGravity { .. });
         if only_floors {
             let met = self.meet(config, rows);
-            match (config.window, self.are_whole(config, met, rows)) {
+            let whole = self.are_whole(config, met, rows);
+            match (config.window, whole) {
                 (8, true) => self.whole_windows::<8, 4, P, K>(config, met, pixels, rows),
                 (16, true) => self.whole_windows::<16, 8, P, K>(config, met, pixels, rows),
                 (8, false) => self.floored_rows::<8, 4, P, K>(config, met, pixels, rows),
                 (16, false) => self.floored_rows::<16, 8, P, K>(config, met, pixels, rows),
                 _ => self.floored_rows::<0, 0, P, K>(config, met, pixels, rows),
             }
-            self.end(config, rows, sink);
+            self.end(config, rows, whole, sink);
             return;
         }
         for pixels in pixels.chunks_exact(usize::from(config.width).max(1)) {
@@ -237,7 +238,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                 16 => self.rows_of::<16, P, K>(config, met, pixels),
                 _ => self.rows_of::<0, P, K>(config, met, pixels),
             }
-            self.end(config, 1, sink);
+            self.end(config, 1, false, sink);
         }
     }
 
@@ -472,12 +473,14 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         }
     }
 
-    /// Counts `rows` rows as taken and measures every window that has ended with them.
+    /// Counts `rows` rows as taken and measures every window that has ended with them: all that they met
+    /// if those are `whole`.
     #[inline(always)]
     fn end<const P: usize, const K: usize>(
         &mut self,
         config: &Config<M, P, B, K>,
         rows: u16,
+        whole: bool,
         sink: &mut impl Sink,
     ) {
         self.row = self.row.wrapping_add(rows);
@@ -485,7 +488,10 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         let met = config.slots.get(start..next).unwrap_or_default().iter();
         let has_ended =
             |slot: &&Slot| usize::from(slot.y0) + config.window <= usize::from(self.row);
-        let end = start.wrapping_add(met.take_while(has_ended).count());
+        let end = match whole {
+            true => next,
+            false => start.wrapping_add(met.take_while(has_ended).count()),
+        };
         self.active = [end, next];
         let mut start = start;
         while start < end {
