@@ -78,15 +78,43 @@ mod row {
         };
     }
 
-    /// Two words, `a` and `b` less their floors `c` and `d`, become their signals.
+    /// Two words become their signals, less their floors `c` and `d`.
     macro_rules! cut {
-        () => {
+        ($a:literal $b:literal) => {
             concat!(
-                "add {a}, {a}, {open}\n add {b}, {b}, {open}\n",
-                "sub {a}, {a}, {c}\n sub {b}, {b}, {d}\n",
-                "and {c}, {a}, {signs}\n and {d}, {b}, {signs}\n",
-                "srli {e}, {c}, 15\n sub {c}, {c}, {e}\n and {a}, {a}, {c}\n",
-                "srli {e}, {d}, 15\n sub {d}, {d}, {e}\n and {b}, {b}, {d}\n",
+                "add ",
+                $a,
+                ", ",
+                $a,
+                ", {open}\n add ",
+                $b,
+                ", ",
+                $b,
+                ", {open}\n",
+                "sub ",
+                $a,
+                ", ",
+                $a,
+                ", {c}\n sub ",
+                $b,
+                ", ",
+                $b,
+                ", {d}\n",
+                "and {c}, ",
+                $a,
+                ", {signs}\n and {d}, ",
+                $b,
+                ", {signs}\n",
+                "srli {e}, {c}, 15\n sub {c}, {c}, {e}\n and ",
+                $a,
+                ", ",
+                $a,
+                ", {c}\n",
+                "srli {e}, {d}, 15\n sub {d}, {d}, {e}\n and ",
+                $b,
+                ", ",
+                $b,
+                ", {d}\n",
             )
         };
     }
@@ -94,19 +122,10 @@ mod row {
     /// The signals of two words, from where they and their floors are. Loads stand apart from what needs
     /// them.
     macro_rules! signals {
-        ($first:expr, $first_floor:expr, $second:expr, $second_floor:expr) => {
+        ($a:literal $b:literal: $first:expr, $first_floor:expr, $second:expr, $second_floor:expr) => {
             concat!(
-                "lw {a}, ",
-                $first,
-                "\n lw {c}, ",
-                $first_floor,
-                "\n",
-                "lw {b}, ",
-                $second,
-                "\n lw {d}, ",
-                $second_floor,
-                "\n",
-                cut!(),
+                "lw ", $a, ", ", $first, "\n lw {c}, ", $first_floor, "\n",
+                "lw ", $b, ", ", $second, "\n lw {d}, ", $second_floor, "\n", cut!($a $b),
             )
         };
     }
@@ -115,8 +134,7 @@ mod row {
     macro_rules! columns {
         ($first:literal $left:literal $second:literal $right:literal) => {
             concat!(
-                signals!(
-                    concat!($first, "({raw})"),
+                signals!("{a}" "{b}": concat!($first, "({raw})"),
                     concat!($first, "({floor})"),
                     concat!($second, "({raw})"),
                     concat!($second, "({floor})")
@@ -294,15 +312,13 @@ mod row {
     macro_rules! four {
         ($done:expr; $x:literal: $f0:literal $f1:literal $f2:literal $f3:literal) => {
             concat!(
-                signals!(
-                    concat!($x, "({raw})"),
+                signals!("{a}" "{b}": concat!($x, "({raw})"),
                     concat!($f0, "({floor})"),
                     concat!($x, "({raw1})"),
                     concat!($f1, "({floor})")
                 ),
                 "add {odd}, {odd}, {b}\n add {f}, {a}, {b}\n",
-                signals!(
-                    concat!($x, "({raw2})"),
+                signals!("{a}" "{b}": concat!($x, "({raw2})"),
                     concat!($f2, "({floor})"),
                     concat!($x, "({raw3})"),
                     concat!($f3, "({floor})")
@@ -389,51 +405,99 @@ mod row {
         (Sums { sum, words, second, running }, Watch { peak, saturated })
     }
 
+    /// The words of two rows at one place of theirs, added to the rows' sums and the column's.
+    macro_rules! two {
+        ($column:literal: $x:literal $f0:literal $f1:literal) => {
+            concat!(
+                signals!("{a}" "{b}": concat!($x, "({raw})"), concat!($f0, "({floor})"),
+                    concat!($x, "({raw1})"), concat!($f1, "({floor})")),
+                "add {row}, {row}, {a}\n add {odd}, {odd}, {b}\n",
+                "add {a}, {a}, {b}\n add {", $column, "}, {", $column, "}, {a}\n",
+            )
+        };
+    }
+
+    /// Two rows of 8 words, from their floors on. Packed sums are below 2^15, as of one row.
+    macro_rules! two_rows {
+        ($f0:literal $f1:literal $($column:literal: $x:literal $f2:literal $f3:literal)*) => {
+            concat!(
+                "add {raw1}, {raw}, {stride}\n",
+                signals!("{row}" "{odd}": "0({raw})", concat!($f0, "({floor})"),
+                    "0({raw1})", concat!($f1, "({floor})")),
+                "add {a}, {row}, {odd}\n add {k0}, {k0}, {a}\n",
+                $(two!($column: $x $f2 $f3),)*
+                "add {raw}, {raw1}, {stride}\n", fold!(), "\n",
+                "mul {odd}, {odd}, {ones}\n srli {odd}, {odd}, 16\n",
+                "add {sum}, {sum}, {odd}\n add {running}, {running}, {sum}\n",
+            )
+        };
+    }
+
+    /// [`window`] of 16 x 16 pixels: two rows at a time add to a column once.
+    #[inline(always)]
+    fn large_square(
+        (raw, stride): (&[u32], usize),
+        floor: &[[u32; 8]; 16],
+        (watched, watched_floor): (&[u32; 8], &[u32; 8]),
+        Levels { open, white }: Levels,
+    ) -> (Sums, Watch) {
+        let (sum, running, second, words, peak, saturated): (u32, u32, u32, u32, u32, u32);
+        let floor = floor.as_flattened().as_ptr_range();
+        // SAFETY: as of `sums` and `note`; of `raw` it reads 8 words in each of 16 rows, those that have
+        // these floors.
+        #[allow(unsafe_code)]
+        unsafe {
+            asm!("li {k0}, 0", "li {k1}, 0", note!("0" "4" "8" "12" "16" "20" "24" "28"),
+                "mv {watched}, {k0}", "mv {watched_floor}, {k1}",
+                "li {k0}, 0", "li {k1}, 0", "li {k2}, 0", "li {k3}, 0", "li {k4}, 0", "li {k5}, 0",
+                "li {k6}, 0", "li {k7}, 0", "li {sum}, 0", "li {running}, 0", ".p2align 2", "2:",
+                two_rows!("0" "32" "k1": "4" "4" "36" "k2": "8" "8" "40" "k3": "12" "12" "44"
+                    "k4": "16" "16" "48" "k5": "20" "20" "52" "k6": "24" "24" "56"
+                    "k7": "28" "28" "60"),
+                two_rows!("64" "96" "k1": "4" "68" "100" "k2": "8" "72" "104" "k3": "12" "76" "108"
+                    "k4": "16" "80" "112" "k5": "20" "84" "116" "k6": "24" "88" "120"
+                    "k7": "28" "92" "124"),
+                "addi {floor}, {floor}, 128", "bne {floor}, {end}, 2b",
+                last!("k7"), before!("k6" "k5" "k4" "k3" "k2" "k1"), first!("k0"),
+                raw = inout(reg) raw.as_ptr() => _, stride = in(reg) stride.wrapping_mul(4),
+                floor = inout(reg) floor.start => _, end = in(reg) floor.end,
+                open = in(reg) open, signs = in(reg) SIGNS, ones = in(reg) ONES,
+                white = in(reg) white,
+                watched = inout(reg) watched.as_ptr() => peak,
+                watched_floor = inout(reg) watched_floor.as_ptr() => saturated,
+                raw1 = out(reg) _, row = out(reg) _, odd = out(reg) _,
+                k0 = out(reg) _, k1 = out(reg) _, k2 = out(reg) _, k3 = out(reg) _,
+                k4 = out(reg) _, k5 = out(reg) _, k6 = out(reg) _, k7 = out(reg) _,
+                sum = out(reg) sum, running = out(reg) running,
+                a = out(reg) second, b = out(reg) _, c = out(reg) _, d = out(reg) words,
+                e = out(reg) _,
+                options(pure, readonly, nostack));
+        }
+        (Sums { sum, words, second, running }, Watch { peak, saturated })
+    }
+
     /// Both at once: constants stay in their registers, and others are used twice.
     #[inline(always)]
     pub(super) fn window<const N: usize>(
         rows: Rows<'_, N>,
-        (watched, watched_floor): (&[u32; N], &[u32; N]),
-        Levels { open, white }: Levels,
+        watched: (&[u32; N], &[u32; N]),
+        levels: Levels,
     ) -> (Sums, Watch) {
         let Rows { raw, stride, floor } = rows;
-        if let (Some(floor), ([watched], []), ([watched_floor], [])) = (
-            floor.as_flattened().as_chunks().0.first_chunk(),
-            watched.as_chunks(),
-            watched_floor.as_chunks(),
-        ) && floor.len() == 8
+        let (row, row_floor) = (watched.0.as_slice(), watched.1.as_slice());
+        let floors = floor.as_flattened();
+        if let (Ok(row), Ok(row_floor), ([floor], [])) =
+            (row.try_into(), row_floor.try_into(), floors.as_chunks::<4>().0.as_chunks())
         {
-            let levels = Levels { open, white };
-            return square((raw, stride), floor, (watched, watched_floor), levels);
+            return square((raw, stride), floor, (row, row_floor), levels);
         }
-        let floor = floor.as_flattened().as_ptr_range();
-        let (sum, running, second, words, peak, saturated): (u32, u32, u32, u32, u32, u32);
-        macro_rules! run {
-            ($bytes:literal, $row:expr, $columns:expr, $note:expr; $($column:ident),*) => {
-                // SAFETY: as of both.
-                #[allow(unsafe_code)]
-                unsafe {
-                    asm!("li {k0}, 0", "li {k1}, 0", $note,
-                        "mv {watched}, {k0}", "mv {watched_floor}, {k1}",
-                        $(concat!("li {", stringify!($column), "}, 0"),)*
-                        "li {sum}, 0", "li {running}, 0",
-                        for_each_row!($bytes, $row, fold!()), $columns,
-                        raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floor.start => _,
-                        end = in(reg) floor.end, stride = in(reg) stride.wrapping_mul(4),
-                        open = in(reg) open, signs = in(reg) SIGNS, ones = in(reg) ONES,
-                        white = in(reg) white,
-                        watched = inout(reg) watched.as_ptr() => peak,
-                        watched_floor = inout(reg) watched_floor.as_ptr() => saturated,
-                        $($column = out(reg) _,)*
-                        sum = out(reg) sum, running = out(reg) running,
-                        a = out(reg) second, b = out(reg) _, c = out(reg) _, d = out(reg) words,
-                        e = out(reg) _, row = out(reg) _,
-                        options(pure, readonly, nostack));
-                }
-            };
+        if let (Ok(row), Ok(row_floor), ([floor], [])) =
+            (row.try_into(), row_floor.try_into(), floors.as_chunks::<8>().0.as_chunks())
+        {
+            return large_square((raw, stride), floor, (row, row_floor), levels);
         }
-        for_width!(run);
-        (Sums { sum, words, second, running }, Watch { peak, saturated })
+        let nothing = Watch { peak: 0, saturated: 0 };
+        (sums(rows, levels), note(watched, levels, nothing))
     }
 }
 
