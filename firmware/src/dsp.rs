@@ -87,8 +87,13 @@ impl<'a> Block<'a> {
         let (floor, _) = words(floor)?.as_chunks();
         let last = floor.len().saturating_sub(1).checked_mul(self.stride)?;
         let (first, span) = (start / 2, last.checked_add(N)?);
-        // An end that has wrapped is before the start, and there is no such slice.
-        let raw = self.raw.get(first..first.wrapping_add(span))?;
+        // One comparison a window with what is the same for all.
+        if first > self.raw.len().checked_sub(span)? {
+            return None;
+        }
+        // SAFETY: `first + span` is at most the length.
+        #[allow(unsafe_code)]
+        let raw = unsafe { self.raw.get_unchecked(first..first + span) };
         Some(Rows { raw, stride: self.stride, floor })
     }
 }

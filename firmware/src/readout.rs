@@ -324,7 +324,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         let tracking = self.tracking.get(self.complete).and_then(|done| done.get(first..next));
         let windows = self.windows.get_mut(first..next).unwrap_or_default();
         let windows = slots.iter().zip(tracking.unwrap_or_default()).zip(windows);
-        let mut left = first;
+        let mut left = next.wrapping_sub(first);
         for (((slot, tracking), window), floors) in
             windows.zip(config.bank.floors_of(first, next, W * W))
         {
@@ -338,9 +338,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             let mut moments = Moments::ZERO;
             moments.add_rows(W, 0, W, sums);
             *window = Window { moments, seen };
-            left += 1;
+            left = left.wrapping_sub(1);
         }
-        left
+        next.wrapping_sub(left)
     }
 
     /// Adds the rows to every window they meet, for centre of gravity above floors. `W` is the

@@ -136,14 +136,16 @@ impl<const N: usize> Kernel<N> for Wide {
     #[inline(always)]
     fn note(self, (raw, floor): (&[u32; N], &[u32; N]), cut: Cut, seen: &mut Seen) {
         let ([peak, ..], [saturated, ..]) = (&mut seen.peak, &mut seen.saturated);
-        let (excess, white) = (i32::from(cut.excess), i32::from(cut.saturation));
+        // The highest level that is not saturated: what is above takes one comparison.
+        let grey = i32::from(cut.saturation.wrapping_sub(1));
+        let excess = i32::from(cut.excess);
         // Zero or what was seen before, which nothing below zero exceeds.
         let (mut most, mut count) = (i32::from(*peak), 0);
         for (&raw, &floor) in halves(raw).iter().zip(halves(floor)) {
             let raw = i32::from(raw);
             let signal = raw - i32::from(floor) - excess;
             most = fixed::larger(signal, most);
-            count += i32::from(raw >= white) & i32::from(signal > 0);
+            count += i32::from(raw > grey) & i32::from(signal > 0);
         }
         *peak = most as u16;
         *saturated = saturated.wrapping_add(count as u16);
