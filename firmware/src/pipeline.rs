@@ -282,13 +282,15 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         config: &'a Config<M, P, B, K>,
     ) -> Option<(&'a mut Readout<M, B>, Windows<'a, M, K>)> {
         let slopes = self.slopes.get_mut(1 - self.readout.complete())?;
+        let special = Special::new(&config.schedule, self.colour, self.lacking_q16);
         let windows = Windows {
+            ordinary: if special.is_some() { &[] } else { &config.slopes },
             calibration: &config.slopes,
             nodes: &config.nodes,
             scale: SlopeScale::new(config.gain_exponent),
             control: self.control.taking(&config.control),
             slopes,
-            special: Special::new(&config.schedule, self.colour, self.lacking_q16),
+            special,
             gates: config.modal.is_on().then_some((&config.modal, &mut self.modal)),
             recent_saturated: 0,
             saturated_pixels: &mut self.saturated_pixels,
@@ -651,6 +653,8 @@ impl<'a> Special<'a> {
 /// What becomes of measurements as windows end.
 struct Windows<'a, const M: usize, const K: usize> {
     calibration: &'a [SlopeCalibration],
+    /// That of frames that are as every other; empty in those that are not.
+    ordinary: &'a [SlopeCalibration],
     nodes: &'a [Node],
     scale: SlopeScale,
     control: Taking<'a, M>,
@@ -668,16 +672,10 @@ impl<const M: usize, const K: usize> Sink for Windows<'_, M, K> {
     /// the second gate.
     #[inline(always)]
     fn take(&mut self, i: usize, measurement: &Measurement) {
-        if self.special.is_some() {
-            return self.take_special(i, measurement);
-        }
         let (Some(calibration), Some(node), Some(place)) =
-            (self.calibration.get(i), self.nodes.get(i), self.slopes.get_mut(i))
+            (self.ordinary.get(i), self.nodes.get(i), self.slopes.get_mut(i))
         else {
-            if K > 0 {
-                self.take_second(i, measurement);
-            }
-            return;
+            return self.take_special(i, measurement);
         };
         self.recent_saturated += u32::from(measurement.saturated);
         let slope = slopes::slope(calibration, self.scale, measurement);
@@ -693,7 +691,7 @@ impl<const M: usize, const K: usize> Sink for Windows<'_, M, K> {
 }
 
 impl<const M: usize, const K: usize> Windows<'_, M, K> {
-    /// [`Sink::take`] of a frame that is not as every other.
+    /// [`Sink::take`] of a frame that is not as every other, or of the second gate.
     #[cold]
     #[inline(never)]
     fn take_special(&mut self, i: usize, measurement: &Measurement) {
