@@ -14,7 +14,9 @@
 //! A weighted sum is shifted down to 26 bits together with its moments before it is divided by: the
 //! weights are two products of 8 bits, and rounding each would cost what faint spots are made of.
 //! The reciprocal of I is one fixed sequence of divisions, two where I has at most 20 bits by
-//! configuration and four otherwise ([`fixed::reciprocal`], [`fixed::short_reciprocal`]); a window without signal divides by one and yields zero, and its flux
+//! configuration and four otherwise ([`fixed::reciprocal`], [`fixed::short_reciprocal`]), of which
+//! RISC-V makes multiplications but for the first; a window without signal divides by one and yields
+//! zero, and its flux
 //! marks it as invalid.
 //!
 //! | estimator | threshold | passes |

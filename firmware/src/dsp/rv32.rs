@@ -8,6 +8,9 @@
 //! d = (raw + 0x8000 - excess) - floor        0x8000 - 2 x 4095 <= d < 2^16
 //! s = d where its top bit is set, less that bit, else 0
 //! ```
+//!
+//! Whole windows of 8 x 8 and 16 x 16 pixels, a call each, take rows together: what is left to do for
+//! every row by itself is what is not pixels.
 
 use super::{Kernel, Rows, put_word, word};
 use crate::centroid::RowSums;
