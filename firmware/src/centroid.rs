@@ -14,7 +14,9 @@
 //! A weighted sum is shifted down to 26 bits together with its moments before it is divided by: the
 //! weights are two products of 8 bits, and rounding each would cost what faint spots are made of.
 //! The reciprocal of I is one fixed sequence of divisions, two where I has at most 20 bits by
-//! configuration and four otherwise ([`fixed::reciprocal`], [`fixed::short_reciprocal`]); a window without signal divides by one and yields zero, and its flux
+//! configuration and four otherwise ([`fixed::reciprocal`], [`fixed::short_reciprocal`]), of which
+//! RISC-V makes multiplications but for the first; a window without signal divides by one and yields
+//! zero, and its flux
 //! marks it as invalid.
 //!
 //! | estimator | threshold | passes |
@@ -24,6 +26,12 @@
 //! | weighted CoG | as above, times a Gaussian centred on the last centroid | 1 |
 //! | brightest-n | the (n+1)-th brightest pixel of the window | one a signal bit |
 
+#[cfg(armv7em)]
+use crate::dsp::armv7em::Pairs;
+#[cfg(any(target_arch = "riscv32", armv7em))]
+use crate::dsp::{Kernel, Rows};
+#[cfg(target_arch = "riscv32")]
+use crate::dsp::{rv32::Narrow, rv32_wide::Wide};
 use crate::fixed::{self, CENTROID_BITS};
 use crate::pixels::{self, BankRow, Cut, Seen, WATCHED};
 use serde::{Deserialize, Serialize};
@@ -133,7 +141,12 @@ impl Moments {
         // (I / 2^48): of a centroid within 2^20 or 2^21 ulp, less than one.
         let divided = |[x, y]: [i32; 2], reciprocal: u64, shift: u32| {
             [x, y].map(|m| {
-                fixed::round_shift(i64::from(m).wrapping_mul(reciprocal as i64), shift) as i32
+                // In words, the product's upper one from both of the reciprocal's.
+                let low = i64::from(m).wrapping_mul(i64::from(reciprocal as u32));
+                let high = m.wrapping_mul((reciprocal >> 32) as i32);
+                let product = low.wrapping_add(i64::from(high) << 32);
+                // Twice the centroid, within 2^22: halving it rounds as if nothing had been lost.
+                ((product >> (shift - 1)) as i32).wrapping_add(1) >> 1
             })
         };
         if short {
@@ -233,6 +246,51 @@ impl RowSums {
     }
 }
 
+/// Rows of a detector with a bank that has only floors, of which whole windows of 2 N pixels on a side
+/// are taken.
+pub(crate) trait WholeWindows<const N: usize> {
+    /// Sums of the window that starts with pixel `start`, and what its row `watched` shows besides.
+    /// `None` where its rows are not there, or not as they have to lie.
+    fn window(
+        &self,
+        start: usize,
+        floor: &[u16],
+        excess: u16,
+        watched: usize,
+    ) -> Option<(RowSums, Seen)>;
+}
+
+/// Those that need not lie in any way.
+#[cfg(not(any(target_arch = "riscv32", armv7em)))]
+pub(crate) struct Anyhow<'a> {
+    pub(crate) raw: &'a [u16],
+    pub(crate) width: usize,
+    pub(crate) cut: Cut,
+}
+
+#[cfg(not(any(target_arch = "riscv32", armv7em)))]
+impl<const N: usize> WholeWindows<N> for Anyhow<'_> {
+    #[inline(always)]
+    fn window(
+        &self,
+        start: usize,
+        floor: &[u16],
+        excess: u16,
+        watched: usize,
+    ) -> Option<(RowSums, Seen)> {
+        let (size, width) = (2 * N, self.width);
+        let span = (size - 1).wrapping_mul(width).wrapping_add(size);
+        let raw = self.raw.get(start..start.wrapping_add(span))?;
+        let cut = Cut { excess, ..self.cut };
+        let sums = floored_moments::<N>(raw, width, floor, size, cut);
+        let mut seen = Seen::NOTHING;
+        let floor = floor.get(watched * size..(watched + WATCHED) * size)?;
+        let raw = raw.get(watched.wrapping_mul(width)..)?;
+        note_floored::<N>(raw, width, floor, size, cut, &mut seen);
+        Some((sums, seen))
+    }
+}
+
 /// Sums of some rows of a window of a bank that has only floors. `raw` starts with the first of their
 /// pixels and has the next row `stride` pixels further on; `floor` has `size` pixels a row and tells
 /// how many rows there are. `N` is half of `size`, or 0 for any.
@@ -245,17 +303,19 @@ pub(crate) fn floored_moments<const N: usize>(
     cut: Cut,
 ) -> RowSums {
     #[cfg(target_arch = "riscv32")]
-    if let Some(rows) = crate::dsp::Rows::<N>::new(raw, stride, floor) {
-        if crate::dsp::rv32::takes(&rows, cut) {
-            return crate::dsp::rv32::sums(rows, cut);
+    if let Some(rows) = Rows::<N>::new(raw, stride, floor)
+        && rows.count() <= 2 * N
+    {
+        if Narrow::takes::<N>(&cut) {
+            return Narrow.sums(rows, cut);
         }
-        if crate::dsp::rv32_wide::takes(&rows) {
-            return crate::dsp::rv32_wide::sums(rows, cut);
+        if Wide::takes::<N>() {
+            return Wide.sums(rows, cut);
         }
     }
     #[cfg(armv7em)]
-    if let Some(rows) = crate::dsp::Rows::<N>::new(raw, stride, floor) {
-        return crate::dsp::armv7em::sums(rows, cut);
+    if let Some(rows) = Rows::<N>::new(raw, stride, floor) {
+        return Pairs.sums(rows, cut);
     }
     sum_rows(raw, stride, floor, size, |raw, floor| floored_row_moments(raw, floor, cut))
 }
@@ -326,14 +386,17 @@ pub(crate) fn note_floored<const N: usize>(
     seen: &mut Seen,
 ) {
     #[cfg(target_arch = "riscv32")]
-    if let Some(rows) = crate::dsp::Rows::<N>::new(raw, stride, floor)
-        && crate::dsp::rv32::takes(&rows, cut)
+    if let Some(rows) = Rows::<N>::new(raw, stride, floor)
+        && Wide::takes::<N>()
     {
-        return crate::dsp::rv32::note(rows, cut, seen);
+        return rows.each(|raw, floor| match Narrow::takes::<N>(&cut) {
+            true => Narrow.note((raw, floor), cut, seen),
+            false => Wide.note((raw, floor), cut, seen),
+        });
     }
     #[cfg(armv7em)]
-    if let Some(rows) = crate::dsp::Rows::<N>::new(raw, stride, floor) {
-        return crate::dsp::armv7em::note(rows, cut, seen);
+    if let Some(rows) = Rows::<N>::new(raw, stride, floor) {
+        return rows.each(|raw, floor| Pairs.note((raw, floor), cut, seen));
     }
     for (raw, floor) in raw.chunks(stride.max(1)).zip(floor.chunks_exact(size.max(1))) {
         if let Some(raw) = raw.get(..size) {
@@ -467,13 +530,19 @@ pub(crate) fn brightest_moments(signal: &[u16], window: usize, n: u32, bits: u32
 }
 
 /// First of the [`WATCHED`] rows of a window whose spot has its centroid at `y_q16` from the centre.
+///
+/// `INSIDE`: the centroid is one of signals, within (W - 1) / 2 pixels and an ulp; the row nearest such a
+/// one is in the window.
 #[inline]
-pub(crate) fn first_watched(window: usize, y_q16: i32) -> u8 {
+pub(crate) fn first_watched<const INSIDE: bool>(window: usize, y_q16: i32) -> u8 {
     let last = window as i32 - 1;
     // The row nearest the first of as many rows as are watched, with the centroid in their middle.
     let middle = y_q16.wrapping_add(last << (CENTROID_BITS - 1));
     let half_rows = 2 - WATCHED as i32;
     let row = middle.wrapping_add(half_rows << (CENTROID_BITS - 1)) >> CENTROID_BITS;
+    if INSIDE && WATCHED == 1 {
+        return row as u8;
+    }
     let first = fixed::positive(row);
     (first - fixed::positive(first - (window as i32 - WATCHED as i32))) as u8
 }
@@ -485,8 +554,9 @@ pub(crate) fn first_watched(window: usize, y_q16: i32) -> u8 {
 /// when it was measured (all of it with the subtracting convention, nothing otherwise).
 #[inline]
 pub(crate) fn excess(peak: u16, fraction_q16: u16, base: u16, covered: u16) -> u16 {
-    let above_dark = i32::from(peak) + i32::from(covered);
-    let above_dark = (above_dark - fixed::positive(above_dark - i32::from(u16::MAX))) as u32;
+    let above_dark = u32::from(peak) + u32::from(covered);
+    // All ones where it does not fit.
+    let above_dark = (above_dark | (above_dark >> 16).wrapping_neg()) & u32::from(u16::MAX);
     let moving = ((above_dark * u32::from(fraction_q16) + (1 << 15)) >> 16) as u16;
     pixels::less(moving, base)
 }

@@ -110,9 +110,12 @@ impl<const M: usize> Control<M> {
     /// Ready to take slopes of the frame being read.
     pub(crate) fn taking(&mut self, config: &ControlConfig) -> Taking<'_, M> {
         let exposed = (self.newest + usize::from(config.delay)) % HISTORY;
+        let [first, ..] = &self.applied;
         Taking {
-            applied: self.applied.get(exposed).map_or(&[], |frame| frame),
+            applied: self.applied.get(exposed).unwrap_or(first),
             open_loop: &mut self.open_loop,
+            recent: [0; 2],
+            recent_valid: 0,
             sums: &mut self.sums,
             valid: &mut self.valid,
             retained: &mut self.retained,
@@ -324,8 +327,11 @@ impl<const M: usize> Control<M> {
 
 /// Where the slopes of a frame go.
 pub(crate) struct Taking<'a, const M: usize> {
-    applied: &'a [[i32; 2]],
+    applied: &'a [[i32; 2]; M],
     open_loop: &'a mut RedBlack<[i32; 2], M>,
+    /// Since the last [`Taking::settle`], of up to 64 subapertures: within 64 x 3 x 2^23 < 2^31.
+    recent: [i32; 2],
+    recent_valid: u32,
     sums: &'a mut [i64; 2],
     valid: &'a mut u32,
     retained: &'a mut u32,
@@ -345,10 +351,17 @@ impl<const M: usize> Taking<'_, M> {
         let x = s.wrapping_add(applied_tip).wrapping_mul(valid);
         let y = t.wrapping_add(applied_tilt).wrapping_mul(valid);
         *open_loop = [(x << GUARD_BITS).wrapping_add(MEASURED * valid), y << GUARD_BITS];
-        let [sum_x, sum_y] = &mut self.sums;
-        *sum_x = sum_x.wrapping_add(i64::from(x));
-        *sum_y = sum_y.wrapping_add(i64::from(y));
-        *self.valid = self.valid.wrapping_add(valid as u32);
+        let [sum_x, sum_y] = &mut self.recent;
+        *sum_x = sum_x.wrapping_add(x);
+        *sum_y = sum_y.wrapping_add(y);
+        self.recent_valid = self.recent_valid.wrapping_add(valid as u32);
+    }
+
+    /// Adds up what was taken since the last time: due after 64 subapertures at the latest.
+    pub(crate) fn settle(&mut self) {
+        let sums = self.sums.iter_mut().zip(&mut self.recent);
+        sums.for_each(|(sum, x)| *sum = sum.wrapping_add(core::mem::take(x).into()));
+        *self.valid = self.valid.wrapping_add(core::mem::take(&mut self.recent_valid));
     }
 
     /// What the mirror showed of subaperture `i`.

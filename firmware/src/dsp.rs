@@ -12,6 +12,11 @@
 //!
 //! and `relax`, a relaxation step of the pistons, for RISC-V and the Cortex-M7.
 
+#[cfg(any(target_arch = "riscv32", armv7em, test))]
+use crate::centroid::{RowSums, WholeWindows};
+#[cfg(any(target_arch = "riscv32", armv7em, test))]
+use crate::pixels::{Cut, Seen};
+
 #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
 pub(crate) mod sse2;
 
@@ -60,11 +65,67 @@ fn words(pixels: &[u16]) -> Option<&[u32]> {
     Some(unsafe { core::slice::from_raw_parts(pixels.as_ptr().cast(), pixels.len() / 2) })
 }
 
-/// Consecutive rows of a window in words, two pixels each, and their floors.
+/// The pixels of words, as they lie in memory: the inverse of [`words`].
+#[cfg(any(target_arch = "riscv32", test))]
+#[inline(always)]
+fn halves(words: &[u32]) -> &[u16] {
+    // SAFETY: a u32 is two u16 in memory, aligned for them, and the shared borrow is passed on.
+    #[allow(unsafe_code)]
+    unsafe {
+        core::slice::from_raw_parts(words.as_ptr().cast(), 2 * words.len())
+    }
+}
+
+/// Rows of the detector in words, two pixels each.
+#[cfg(any(target_arch = "riscv32", armv7em, test))]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Block<'a> {
+    raw: &'a [u32],
+    /// Words from one row to the next.
+    stride: usize,
+}
+
+#[cfg(any(target_arch = "riscv32", armv7em, test))]
+impl<'a> Block<'a> {
+    /// The rows of `raw`, `stride` pixels each. `None` where one does not start at a word's address.
+    #[inline(always)]
+    pub(crate) fn new(raw: &'a [u16], stride: usize) -> Option<Self> {
+        if !stride.is_multiple_of(2) {
+            return None;
+        }
+        Some(Self { raw: words(raw)?, stride: stride / 2 })
+    }
+
+    /// The rows of `floor`, the first from pixel `start` on. `None` where one does not start at a word's
+    /// address, or is missing.
+    #[inline(always)]
+    pub(crate) fn rows<const N: usize>(
+        self,
+        start: usize,
+        floor: &'a [u16],
+    ) -> Option<Rows<'a, N>> {
+        if N == 0 || self.stride < N || !start.is_multiple_of(2) {
+            return None;
+        }
+        let (floor, _) = words(floor)?.as_chunks();
+        let last = floor.len().saturating_sub(1).checked_mul(self.stride)?;
+        let (first, span) = (start / 2, last.checked_add(N)?);
+        // One comparison a window with what is the same for all.
+        if first > self.raw.len().checked_sub(span)? {
+            return None;
+        }
+        // SAFETY: `first + span` is at most the length.
+        #[allow(unsafe_code)]
+        let raw = unsafe { self.raw.get_unchecked(first..first + span) };
+        Some(Rows { raw, stride: self.stride, floor })
+    }
+}
+
+/// Consecutive rows of a window in words, and their floors.
 #[cfg(any(target_arch = "riscv32", armv7em, test))]
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rows<'a, const N: usize> {
-    /// From the first word of the first row to the last of the last one at least.
+    /// From the first word of the first row to the last of the last one.
     raw: &'a [u32],
     /// Words from one row to the next.
     stride: usize,
@@ -77,13 +138,18 @@ impl<'a, const N: usize> Rows<'a, N> {
     /// at a word's address, or is missing.
     #[inline(always)]
     pub(crate) fn new(raw: &'a [u16], stride: usize, floor: &'a [u16]) -> Option<Self> {
-        if N == 0 || stride < 2 * N || !stride.is_multiple_of(2) {
-            return None;
-        }
-        let (raw, stride) = (words(raw)?, stride / 2);
-        let (floor, _) = words(floor)?.as_chunks();
-        let last = floor.len().saturating_sub(1).checked_mul(stride)?;
-        (raw.len() >= last.checked_add(N)?).then_some(Self { raw, stride, floor })
+        Block::new(raw, stride)?.rows(0, floor)
+    }
+
+    /// Row `y` and its floors.
+    #[inline(always)]
+    pub(crate) fn row(self, y: usize) -> Option<(&'a [u32; N], &'a [u32; N])> {
+        let floor = self.floor.get(y)?;
+        // SAFETY: `Block::rows` took as many words for `raw` as rows have that are `stride` words apart,
+        // one for each in `floor`: row y has all of its N.
+        #[allow(unsafe_code)]
+        let raw = unsafe { &*self.raw.as_ptr().add(y * self.stride).cast() };
+        Some((raw, floor))
     }
 
     /// How many they are.
@@ -93,14 +159,56 @@ impl<'a, const N: usize> Rows<'a, N> {
     }
 
     /// Hands over one row after the other, with its floors.
-    #[cfg_attr(target_arch = "riscv32", allow(dead_code, reason = "its kernel loops by itself"))]
     #[inline(always)]
-    fn each(self, mut each: impl FnMut(&[u32; N], &[u32; N])) {
+    pub(crate) fn each(self, mut each: impl FnMut(&[u32; N], &[u32; N])) {
         for (raw, floor) in self.raw.chunks(self.stride.max(1)).zip(self.floor) {
             if let Some(raw) = raw.first_chunk() {
                 each(raw, floor);
             }
         }
+    }
+}
+
+/// What is done to rows in words. The results are those of the portable twins, to the bit.
+#[cfg(any(target_arch = "riscv32", armv7em, test))]
+pub(crate) trait Kernel<const N: usize>: Copy {
+    /// Sums of rows, no more than a square window has: see [`crate::centroid::floored_moments`].
+    fn sums(self, rows: Rows<'_, N>, cut: Cut) -> RowSums;
+
+    /// Adds a row and its floors to what was seen: see [`Seen::note`].
+    fn note(self, row: (&[u32; N], &[u32; N]), cut: Cut, seen: &mut Seen);
+
+    /// Both, of rows and of one of them.
+    #[inline(always)]
+    fn window(self, rows: Rows<'_, N>, row: (&[u32; N], &[u32; N]), cut: Cut) -> (RowSums, Seen) {
+        let mut seen = Seen::NOTHING;
+        self.note(row, cut, &mut seen);
+        (self.sums(rows, cut), seen)
+    }
+}
+
+/// A detector's rows, of which whole windows are taken by a kernel.
+#[cfg(any(target_arch = "riscv32", armv7em, test))]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Whole<'a, K> {
+    pub(crate) block: Block<'a>,
+    pub(crate) cut: Cut,
+    pub(crate) kernel: K,
+}
+
+#[cfg(any(target_arch = "riscv32", armv7em, test))]
+impl<const N: usize, K: Kernel<N>> WholeWindows<N> for Whole<'_, K> {
+    #[inline(always)]
+    fn window(
+        &self,
+        start: usize,
+        floor: &[u16],
+        excess: u16,
+        watched: usize,
+    ) -> Option<(RowSums, Seen)> {
+        let cut = Cut { excess, ..self.cut };
+        let rows = self.block.rows::<N>(start, floor)?;
+        Some(self.kernel.window(rows, rows.row(watched)?, cut))
     }
 }
 
@@ -123,9 +231,9 @@ fn put_word<const N: usize>(lanes: &mut [u16; N], word: u32) {
 
 #[cfg(test)]
 mod tests {
-    use super::Rows;
+    use super::{Block, Kernel, Rows, Whole, halves};
     use crate::centroid::{
-        RowSums, portable_floored_moments, portable_floored_row_moments, signals,
+        WholeWindows, portable_floored_moments, portable_floored_row_moments, signals,
     };
     use crate::pixels::{Convention, Cut, Seen};
 
@@ -182,32 +290,27 @@ mod tests {
         });
     }
 
-    /// A kernel's sums of several rows against its portable twin's.
-    pub(super) fn agree_on_sums<const N: usize>(top: u16, sums: fn(Rows<'_, N>, Cut) -> RowSums) {
+    /// A kernel against its portable twins.
+    pub(super) fn agree<const N: usize>(top: u16, kernel: impl Kernel<N>) {
         blocks::<N>(top, |rows, stride, raw, floor, cut| {
             let expected = portable_floored_moments(raw, stride, floor, 2 * N, cut);
-            assert_eq!(sums(rows, cut), expected, "{raw:?} {floor:?} {cut:?}");
-        });
-    }
-
-    /// Kernels of several rows against their portable twins.
-    pub(super) fn agree<const N: usize>(
-        top: u16,
-        sums: fn(Rows<'_, N>, Cut) -> RowSums,
-        note: fn(Rows<'_, N>, Cut, &mut Seen),
-    ) {
-        agree_on_sums(top, sums);
-        blocks::<N>(top, |rows, stride, raw, floor, cut| {
+            assert_eq!(kernel.sums(rows, cut), expected, "{raw:?} {floor:?} {cut:?}");
             let (mut noted, mut expected) = (Seen::NOTHING, Seen::NOTHING);
             // Twice: rows add to what was seen before.
             for _ in 0..2 {
-                note(rows, cut, &mut noted);
+                rows.each(|raw, floor| kernel.note((raw, floor), cut, &mut noted));
                 for (raw, floor) in raw.chunks(stride).zip(floor.chunks(2 * N)) {
                     let raw = &raw[..2 * N];
                     expected.note(signals(raw, floor, cut), raw, cut);
                 }
                 assert_eq!(noted.all(), expected.all(), "{raw:?} {floor:?} {cut:?}");
             }
+            let whole = Whole { block: Block::new(raw, stride).expect("words"), cut, kernel };
+            let (sums, seen) = whole.window(0, floor, cut.excess, 0).expect("rows");
+            let mut alone = Seen::NOTHING;
+            let (first, floors) = rows.row(0).expect("a row");
+            kernel.note((first, floors), cut, &mut alone);
+            assert_eq!((sums, seen.all()), (kernel.sums(rows, cut), alone.all()));
         });
     }
 
@@ -245,14 +348,6 @@ mod tests {
             let (excess, saturation) = (any(), any().max(1));
             let cut = Cut { convention: Convention::Subtract, shift: 0, top, saturation, excess };
             check(halves(&raw), halves(&floor), cut);
-        }
-    }
-
-    pub(super) fn halves(words: &[u32]) -> &[u16] {
-        // SAFETY: a u32 is two u16 in memory, aligned for them.
-        #[allow(unsafe_code)]
-        unsafe {
-            core::slice::from_raw_parts(words.as_ptr().cast(), 2 * words.len())
         }
     }
 }

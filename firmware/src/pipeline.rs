@@ -231,8 +231,9 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
                 });
             }
             let pixels = pixels.get(..usize::from(used).wrapping_mul(width)).unwrap_or_default();
-            let (readout, mut windows) = self.windows(config);
-            readout.push(config, pixels, used, &mut windows);
+            if let Some((readout, mut windows)) = self.windows(config) {
+                readout.push(config, pixels, used, &mut windows);
+            }
         }
         let extra = rows.wrapping_sub(used);
         if extra > 0 {
@@ -266,30 +267,35 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
                 Err(RowError::Length { found, expected: expected as u16 })
             }
             _ => {
-                let (readout, mut windows) = self.windows(config);
-                readout.supply(config, measurements, &mut windows);
+                if let Some((readout, mut windows)) = self.windows(config) {
+                    readout.supply(config, measurements, &mut windows);
+                }
                 Ok(Progress::Complete)
             }
         }
     }
 
-    /// The readout, and what takes its measurements.
+    /// The readout, and what takes its measurements: always there.
+    #[inline(always)]
     fn windows<'a, const P: usize>(
         &'a mut self,
         config: &'a Config<M, P, B, K>,
-    ) -> (&'a mut Readout<M, B>, Windows<'a, M, K>) {
-        let slopes = self.slopes.get_mut(1 - self.readout.complete());
+    ) -> Option<(&'a mut Readout<M, B>, Windows<'a, M, K>)> {
+        let slopes = self.slopes.get_mut(1 - self.readout.complete())?;
+        let special = Special::new(&config.schedule, self.colour, self.lacking_q16);
         let windows = Windows {
+            ordinary: if special.is_some() { &[] } else { &config.slopes },
             calibration: &config.slopes,
             nodes: &config.nodes,
             scale: SlopeScale::new(config.gain_exponent),
             control: self.control.taking(&config.control),
-            slopes: slopes.map_or(&mut [], |slopes| slopes),
-            special: Special::new(&config.schedule, self.colour, self.lacking_q16),
+            slopes,
+            special,
             gates: config.modal.is_on().then_some((&config.modal, &mut self.modal)),
+            recent_saturated: 0,
             saturated_pixels: &mut self.saturated_pixels,
         };
-        (&mut self.readout, windows)
+        Some((&mut self.readout, windows))
     }
 
     /// Ends the frame: new codes if it was complete, the old ones if not.
@@ -682,13 +688,17 @@ impl<'a> Special<'a> {
 /// What becomes of measurements as windows end.
 struct Windows<'a, const M: usize, const K: usize> {
     calibration: &'a [SlopeCalibration],
+    /// That of frames that are as every other; empty in those that are not.
+    ordinary: &'a [SlopeCalibration],
     nodes: &'a [Node],
     scale: SlopeScale,
     control: Taking<'a, M>,
-    slopes: &'a mut [Slope],
+    slopes: &'a mut [Slope; M],
     special: Option<Special<'a>>,
     /// Of a second gate.
     gates: Option<(&'a ModalConfig<M, K>, &'a mut Modal<K>)>,
+    /// Since the last [`Sink::settle`], and of the frame.
+    recent_saturated: u32,
     saturated_pixels: &'a mut u32,
 }
 
@@ -697,26 +707,26 @@ impl<const M: usize, const K: usize> Sink for Windows<'_, M, K> {
     /// the second gate.
     #[inline(always)]
     fn take(&mut self, i: usize, measurement: &Measurement) {
-        if self.special.is_some() {
-            return self.take_special(i, measurement);
-        }
         let (Some(calibration), Some(node), Some(place)) =
-            (self.calibration.get(i), self.nodes.get(i), self.slopes.get_mut(i))
+            (self.ordinary.get(i), self.nodes.get(i), self.slopes.get_mut(i))
         else {
-            if K > 0 {
-                self.take_second(i, measurement);
-            }
-            return;
+            return self.take_special(i, measurement);
         };
+        self.recent_saturated += u32::from(measurement.saturated);
         let slope = slopes::slope(calibration, self.scale, measurement);
         *place = slope;
         self.control.take(i, node.place, &slope);
-        *self.saturated_pixels += u32::from(measurement.saturated);
+    }
+
+    #[inline(always)]
+    fn settle(&mut self) {
+        self.control.settle();
+        *self.saturated_pixels += core::mem::take(&mut self.recent_saturated);
     }
 }
 
 impl<const M: usize, const K: usize> Windows<'_, M, K> {
-    /// [`Sink::take`] of a frame that is not as every other.
+    /// [`Sink::take`] of a frame that is not as every other, or of the second gate.
     #[cold]
     #[inline(never)]
     fn take_special(&mut self, i: usize, measurement: &Measurement) {
@@ -736,7 +746,7 @@ impl<const M: usize, const K: usize> Windows<'_, M, K> {
             slopes::valid_in_proportion(calibration, measurement.flux, special.pulses_q16);
         *place = slope;
         self.control.take(i, node.place, &slope);
-        *self.saturated_pixels += u32::from(measurement.saturated);
+        self.recent_saturated += u32::from(measurement.saturated);
     }
 
     /// [`Sink::take`] of a window of the second gate, whose subaperture's first has ended.

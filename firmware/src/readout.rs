@@ -7,16 +7,28 @@
 
 use crate::centroid::{
     self, CENTROID_LIMIT, EstimatorConfig, MAX_WINDOW, Measurement, Moments, Template,
-    WeightedMoments,
+    WeightedMoments, WholeWindows,
 };
 use crate::config::{Config, Slot};
+#[cfg(armv7em)]
+use crate::dsp::armv7em::Pairs;
+#[cfg(any(target_arch = "riscv32", armv7em))]
+use crate::dsp::{Block, Whole};
+#[cfg(target_arch = "riscv32")]
+use crate::dsp::{rv32::Narrow, rv32_wide::Wide};
 use crate::pixels::{self, Convention, Cut, Noted, Seen, WATCHED};
 
 /// What takes a measurement when its window has ended.
 pub(crate) trait Sink {
     /// Takes that of a subaperture.
     fn take(&mut self, subaperture: usize, measurement: &Measurement);
+
+    /// Adds up what was taken since the last time: due after [`SETTLE`] measurements at the latest.
+    fn settle(&mut self);
 }
+
+/// Measurements of which a [`Sink`] may keep sums in one word.
+pub(crate) const SETTLE: usize = 64;
 
 /// What is kept of a window between its rows.
 #[derive(Clone, Copy, Debug)]
@@ -48,7 +60,7 @@ impl Window {
     ) -> Measurement {
         let Noted { peak, saturated } = self.seen.all();
         // What was taken off the peak; nothing off none.
-        let taken = tracking.excess * u16::from(shared.subtracts) * u16::from(peak != 0);
+        let taken = tracking.excess & shared.subtracted & mask(peak.into()) as u16;
         Measurement {
             centroid_q16: moments.centroid_q16(shared.short_sums),
             flux,
@@ -68,19 +80,31 @@ impl Tracking {
 
     /// What the next frame does with a window that was measured so; `base` is its fixed threshold.
     ///
-    /// One without flux keeps its rows where they were; its threshold follows its peak.
+    /// One without flux keeps its rows where they were; its threshold follows its peak. `INSIDE`: its
+    /// centroid is one of signals, and inside the window.
     #[inline(always)]
-    fn next(&self, measurement: &Measurement, base: u16, shared: &Shared) -> Self {
-        let covered = base * u16::from(shared.subtracts);
+    fn next<const INSIDE: bool>(
+        &self,
+        measurement: &Measurement,
+        base: u16,
+        shared: &Shared,
+    ) -> Self {
         let [_, y_q16] = measurement.centroid_q16;
-        let seen = centroid::first_watched(shared.window, y_q16);
-        // Opaque, or the compiler makes a branch of it: the time must not tell what is lit.
-        let lit = core::hint::black_box(u8::from(measurement.flux != 0));
+        let seen = centroid::first_watched::<INSIDE>(shared.window, y_q16);
+        let (peak, covered) = (measurement.peak, base & shared.subtracted);
+        let step = seen.wrapping_sub(self.watched) & mask(measurement.flux) as u8;
         Self {
-            excess: centroid::excess(measurement.peak, shared.peak_fraction, base, covered),
-            watched: seen * lit + self.watched * (1 - lit),
+            excess: centroid::excess(peak, shared.peak_fraction, base, covered),
+            watched: self.watched.wrapping_add(step),
         }
     }
+}
+
+/// All ones unless `x`, below 2^31, is zero. Without a comparison, which would become a branch: the time
+/// must not tell what is lit.
+#[inline(always)]
+const fn mask(x: u32) -> i32 {
+    x.wrapping_neg() as i32 >> 31
 }
 
 /// The smaller of two, without a branch.
@@ -94,8 +118,8 @@ fn least(a: usize, b: usize) -> usize {
 struct Shared {
     /// Pixels on a side.
     window: usize,
-    /// Whether thresholds are subtracted.
-    subtracts: bool,
+    /// All ones where thresholds are subtracted.
+    subtracted: u16,
     short_sums: bool,
     /// Of the last peak, Q16.
     peak_fraction: u16,
@@ -113,7 +137,7 @@ impl Shared {
         };
         Self {
             window: config.window,
-            subtracts: config.bank.convention == Convention::Subtract,
+            subtracted: u16::from(config.bank.convention == Convention::Subtract).wrapping_neg(),
             short_sums: config.short_sums,
             peak_fraction,
         }
@@ -169,7 +193,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     /// Forgets thresholds and centres as well.
     pub(crate) fn reset(&mut self, window: usize) {
         self.begin();
-        let watched = centroid::first_watched(window, 0);
+        let watched = centroid::first_watched::<true>(window, 0);
         self.windows.fill(Window::NEW);
         self.tracking.as_flattened_mut().fill(Tracking { watched, ..Tracking::NEW });
         self.centres.fill([0; 2]);
@@ -196,14 +220,15 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             && matches!(config.estimator, EstimatorConfig::CentreOfGravity { .. });
         if only_floors {
             let met = self.meet(config, rows);
-            match (config.window, self.are_whole(config, met, rows)) {
-                (8, true) => self.whole_windows::<8, 4, P, K>(config, met, pixels),
-                (16, true) => self.whole_windows::<16, 8, P, K>(config, met, pixels),
+            let whole = self.are_whole(config, met, rows);
+            match (config.window, whole) {
+                (8, true) => self.whole_windows::<8, 4, P, K>(config, met, pixels, rows),
+                (16, true) => self.whole_windows::<16, 8, P, K>(config, met, pixels, rows),
                 (8, false) => self.floored_rows::<8, 4, P, K>(config, met, pixels, rows),
                 (16, false) => self.floored_rows::<16, 8, P, K>(config, met, pixels, rows),
                 _ => self.floored_rows::<0, 0, P, K>(config, met, pixels, rows),
             }
-            self.end(config, rows, sink);
+            self.end(config, rows, whole, sink);
             return;
         }
         for pixels in pixels.chunks_exact(usize::from(config.width).max(1)) {
@@ -213,7 +238,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                 16 => self.rows_of::<16, P, K>(config, met, pixels),
                 _ => self.rows_of::<0, P, K>(config, met, pixels),
             }
-            self.end(config, 1, sink);
+            self.end(config, 1, false, sink);
         }
     }
 
@@ -248,44 +273,74 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     }
 
     /// [`Readout::floored_rows`] where no window goes beyond the rows.
-    ///
-    /// Not inlined: it needs all registers.
-    #[inline(never)]
+    #[inline(always)]
     fn whole_windows<const W: usize, const N: usize, const P: usize, const K: usize>(
         &mut self,
         config: &Config<M, P, B, K>,
-        [first, next]: [usize; 2],
+        [mut first, next]: [usize; 2],
         pixels: &[u16],
+        rows: u16,
     ) {
-        let (width, row) = (usize::from(config.width), self.row);
+        let (width, cut) = (usize::from(config.width), config.bank.cut(0));
+        while first < next {
+            let met = [first, next];
+            #[cfg(target_arch = "riscv32")]
+            let left = match Block::new(pixels, width) {
+                None => first,
+                Some(block) if Narrow::takes::<N>(&cut) => {
+                    self.take::<W, N, P, K>(config, met, &Whole { block, cut, kernel: Narrow })
+                }
+                Some(block) => {
+                    self.take::<W, N, P, K>(config, met, &Whole { block, cut, kernel: Wide })
+                }
+            };
+            #[cfg(armv7em)]
+            let left = Block::new(pixels, width).map_or(first, |block| {
+                self.take::<W, N, P, K>(config, met, &Whole { block, cut, kernel: Pairs })
+            });
+            #[cfg(not(any(target_arch = "riscv32", armv7em)))]
+            let left =
+                self.take::<W, N, P, K>(config, met, &centroid::Anyhow { raw: pixels, width, cut });
+            // What a kernel does not take goes the way of any window.
+            if left < next {
+                self.floored_rows::<W, N, P, K>(config, [left, left + 1], pixels, rows);
+            }
+            first = left + 1;
+        }
+    }
+
+    /// Takes windows from the first on, and returns the first that could not be taken.
+    ///
+    /// Not inlined: it needs all registers.
+    #[inline(never)]
+    fn take<const W: usize, const N: usize, const P: usize, const K: usize>(
+        &mut self,
+        config: &Config<M, P, B, K>,
+        [first, next]: [usize; 2],
+        rows: &impl WholeWindows<N>,
+    ) -> usize {
+        let (width, row) = (usize::from(config.width), usize::from(self.row));
         let slots = config.slots.get(first..next).unwrap_or_default();
         let tracking = self.tracking.get(self.complete).and_then(|done| done.get(first..next));
         let windows = self.windows.get_mut(first..next).unwrap_or_default();
         let windows = slots.iter().zip(tracking.unwrap_or_default()).zip(windows);
-        let base = config.bank.cut(0);
-        let span = (W - 1).wrapping_mul(width).wrapping_add(W);
+        let mut left = next.wrapping_sub(first);
         for (((slot, tracking), window), floors) in
             windows.zip(config.bank.floors_of(first, next, W * W))
         {
-            let start = usize::from(slot.y0.wrapping_sub(row)).wrapping_mul(width);
-            let start = start.wrapping_add(usize::from(slot.x0));
-            // There in a validated configuration and rows of the right length.
-            let Some(raw) = pixels.get(start..start.wrapping_add(span)) else { continue };
-            let cut = Cut { excess: tracking.excess, ..base };
+            let y = usize::from(slot.y0).wrapping_sub(row);
+            let start = y.wrapping_mul(width).wrapping_add(usize::from(slot.x0));
+            // Below W, a power of two, already.
+            let watched = usize::from(tracking.watched) % W;
+            let Some((sums, seen)) = rows.window(start, floors, tracking.excess, watched) else {
+                break;
+            };
             let mut moments = Moments::ZERO;
-            let sums = centroid::floored_moments::<N>(raw, width, floors, W, cut);
             moments.add_rows(W, 0, W, sums);
-            window.moments = moments;
-            let watched = usize::from(tracking.watched).min(W - WATCHED);
-            let mut seen = Seen::NOTHING;
-            if let (Some(raw), Some(floor)) = (
-                raw.get(watched.wrapping_mul(width)..),
-                floors.get(watched * W..(watched + WATCHED) * W),
-            ) {
-                centroid::note_floored::<N>(raw, width, floor, W, cut, &mut seen);
-            }
-            window.seen = seen;
+            *window = Window { moments, seen };
+            left = left.wrapping_sub(1);
         }
+        next.wrapping_sub(left)
     }
 
     /// Adds the rows to every window they meet, for centre of gravity above floors. `W` is the
@@ -418,12 +473,14 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         }
     }
 
-    /// Counts `rows` rows as taken and measures every window that has ended with them.
+    /// Counts `rows` rows as taken and measures every window that has ended with them: all that they met
+    /// if those are `whole`.
     #[inline(always)]
     fn end<const P: usize, const K: usize>(
         &mut self,
         config: &Config<M, P, B, K>,
         rows: u16,
+        whole: bool,
         sink: &mut impl Sink,
     ) {
         self.row = self.row.wrapping_add(rows);
@@ -431,19 +488,25 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         let met = config.slots.get(start..next).unwrap_or_default().iter();
         let has_ended =
             |slot: &&Slot| usize::from(slot.y0) + config.window <= usize::from(self.row);
-        let end = start.wrapping_add(met.take_while(has_ended).count());
+        let end = match whole {
+            true => next,
+            false => start.wrapping_add(met.take_while(has_ended).count()),
+        };
         self.active = [end, next];
-        if end > start {
+        let mut start = start;
+        while start < end {
+            let some = [start, end.min(start.wrapping_add(SETTLE))];
             match config.estimator {
                 EstimatorConfig::Weighted { gain, .. } => {
-                    self.measure::<true, P, K>(config, [start, end], gain, sink);
+                    self.measure::<true, P, K>(config, some, gain, sink);
                 }
-                _ => self.measure::<false, P, K>(config, [start, end], 0, sink),
+                _ => self.measure::<false, P, K>(config, some, 0, sink),
             }
+            [_, start] = some;
         }
     }
 
-    /// Measures windows from their moments, or from their weighted ones, of which `gain` undoes the
+    /// Measures up to [`SETTLE`] windows from their moments, or from their weighted ones, of which `gain` undoes the
     /// weight.
     ///
     /// Not inlined: it needs all registers.
@@ -488,10 +551,14 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                 let axes = measurement.centroid_q16.iter_mut().zip(centre);
                 axes.for_each(|(c, &centre)| *c = centroid::unweighted(centre.into(), *c, gain));
             }
-            *next = tracking.next(&measurement, base, &shared);
+            *next = match WEIGHTED {
+                true => tracking.next::<false>(&measurement, base, &shared),
+                false => tracking.next::<true>(&measurement, base, &shared),
+            };
             *place = measurement;
-            sink.take(subaperture, &measurement);
+            sink.take(subaperture, place);
         }
+        sink.settle();
     }
 
     /// Takes measurements made elsewhere in place of a frame's rows; centroids saturate.
@@ -511,13 +578,14 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             let bound = |c: i32| c.clamp(-CENTROID_LIMIT, CENTROID_LIMIT);
             *place = Measurement { centroid_q16: new.centroid_q16.map(bound), ..new };
             sink.take(i, place);
+            sink.settle();
         }
         let shared = Shared::new(config);
         for (slot, (done, next)) in config.slots.iter().zip(done.iter().zip(next)) {
             let subaperture = usize::from(slot.subaperture);
             let places = (new.get(subaperture), config.base_thresholds.get(subaperture));
             if let (Some(measurement), Some(&base)) = places {
-                *next = done.next(measurement, base, &shared);
+                *next = done.next::<false>(measurement, base, &shared);
             }
         }
         self.row = config.height;

@@ -10,10 +10,12 @@
 //! makes it less by 2^15: the distances of pixels from the window's centre add up to zero over a row,
 //! so that this cancels in the moment, and of the sum it is taken back.
 
-use super::{Rows, put_word, word};
+use super::{Kernel, Rows, put_word, word};
 use crate::centroid::RowSums;
 use crate::pixels::{Cut, Seen};
 
+/// Highest raw value of which the sum of a row's words is a signed number.
+const NARROW_TOP: u16 = (1 << 12) - 1;
 /// Highest raw value of which no bit needs flipping.
 const SIGNED_TOP: u16 = i16::MAX as u16;
 /// One in both lanes.
@@ -96,20 +98,6 @@ fn both(x: u16) -> u32 {
     u32::from(x).wrapping_mul(ONES)
 }
 
-/// See [`crate::centroid::floored_moments`].
-#[inline(always)]
-pub(crate) fn sums<const N: usize>(rows: Rows<'_, N>, cut: Cut) -> RowSums {
-    if cut.top <= SIGNED_TOP {
-        signed_sums::<N, false>(rows, cut)
-    } else {
-        let RowSums { sum, x, running } = signed_sums::<N, true>(rows, cut);
-        // What the flipped bits took from each row, and from each row's running sum.
-        let (row, count) = ((2 * N as u32) << 15, rows.count() as u32);
-        let running = running.wrapping_add((row >> 1).wrapping_mul(count.wrapping_mul(count + 1)));
-        RowSums { sum: sum.wrapping_add(row.wrapping_mul(count)), x, running }
-    }
-}
-
 /// Half pixels from one word to the next, in both lanes.
 const WORD: u32 = 4 * ONES;
 
@@ -145,9 +133,37 @@ fn word_sums<const N: usize, const FLIP: bool>(rows: Rows<'_, N>, excess: u32) -
     RowSums { sum, x: x as i32, running }
 }
 
+/// The sums of up to 12 bits, whose rows' packed sums are below 8 x 4095 < 2^15, and are signed numbers: a
+/// running sum takes the place of weights. Everything is counted twice, but for `places`, of which the
+/// second pixels of words are taken off once.
+#[inline(always)]
+fn from_places<const N: usize>(sum: u32, places: u32, running: u32) -> RowSums {
+    // Of the word at place k, N - k times itself is in the running sums: 4 k + 2 lane - (W - 1) is
+    // (W + 1) - 2 (2 (N - k) - lane).
+    let x = (sum / 2).wrapping_mul(2 * N as u32 + 1).wrapping_sub(places.wrapping_mul(2));
+    RowSums { sum: sum / 2, x: x as i32, running: running / 2 }
+}
+
 #[cfg(not(armv7em))]
 mod row {
+    use super::{ONES, RowSums, Rows, from_places, smlad, uqsub16};
+
     pub(super) use super::word_sums as sums;
+
+    pub(super) fn narrow_sums<const N: usize>(rows: Rows<'_, N>, excess: u32) -> RowSums {
+        let (mut sum, mut places, mut running) = (0, 0u32, 0u32);
+        rows.each(|raw, floor| {
+            let mut row = 0;
+            for (&raw, &floor) in raw.iter().zip(floor) {
+                row += uqsub16(uqsub16(raw, floor), excess);
+                places = smlad(row, 2 * ONES, places);
+            }
+            places -= row >> 16;
+            sum = smlad(row, 2 * ONES, sum);
+            running += sum;
+        });
+        from_places::<N>(sum, places, running)
+    }
 }
 
 /// The rows of the common windows in instructions of their own: words are loaded by two, weights are
@@ -187,6 +203,71 @@ mod row {
                 "cmp {floor}, {c}\n bne 2b\n add sp, sp, #8\n",
             )
         };
+    }
+
+    /// Two words of up to 12 bits, added to those before them in their row.
+    macro_rules! narrow {
+        ($first:literal) => {
+            concat!(
+                "ldrd {a}, {b}, [{raw}], #8\n ldrd {c}, {d}, [{floor}], #8\n",
+                "uqsub16 {a}, {a}, {c}\n uqsub16 {b}, {b}, {d}\n",
+                $first,
+                "smlad {places}, {row}, {twos}, {places}\n",
+                "uqsub16 {b}, {b}, {excess}\n add {row}, {row}, {b}\n",
+                "smlad {places}, {row}, {twos}, {places}\n",
+            )
+        };
+        () => {
+            narrow!("uqsub16 {a}, {a}, {excess}\n add {row}, {row}, {a}\n")
+        };
+    }
+
+    /// Rows of them.
+    macro_rules! narrow_rows {
+        ($($more:expr),*) => {
+            concat!(
+                "sub sp, sp, #8\n str {c}, [sp]\n str {d}, [sp, #4]\n 2:\n",
+                narrow!("uqsub16 {row}, {a}, {excess}\n"), $($more,)*
+                "ldrd {c}, {d}, [sp]\n sub {places}, {places}, {row}, lsr #16\n",
+                "smlad {sum}, {row}, {twos}, {sum}\n add {running}, {running}, {sum}\n",
+                "add {raw}, {raw}, {d}\n cmp {floor}, {c}\n bne 2b\n add sp, sp, #8\n",
+            )
+        };
+    }
+
+    /// See [`super::narrow_sums`].
+    #[inline(always)]
+    pub(super) fn narrow_sums<const N: usize>(rows: Rows<'_, N>, excess: u32) -> RowSums {
+        let Rows { raw, stride, floor } = rows;
+        let floors = floor.as_flattened().as_ptr_range();
+        if !(N == 4 || N == 8) || floor.is_empty() {
+            return word_sums::<N, false>(rows, excess);
+        }
+        // Bytes from the end of a row to the start of the next.
+        let gap = stride.wrapping_sub(N).wrapping_mul(4);
+        let (mut sum, mut places, mut running) = (0u32, 0u32, 0u32);
+        macro_rules! run {
+            ($code:expr) => {{
+                // SAFETY: as below.
+                #[allow(unsafe_code)]
+                unsafe {
+                    asm!($code,
+                        raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floors.start => _,
+                        excess = in(reg) excess, twos = in(reg) 2 * ONES,
+                        sum = inout(reg) sum, places = inout(reg) places,
+                        running = inout(reg) running, row = out(reg) _,
+                        a = out(reg) _, b = out(reg) _,
+                        c = inout(reg) floors.end => _, d = inout(reg) gap => _,
+                        options(readonly));
+                };
+            }};
+        }
+        if N == 8 {
+            run!(narrow_rows!(narrow!(), narrow!(), narrow!()));
+        } else {
+            run!(narrow_rows!(narrow!()));
+        }
+        super::from_places::<N>(sum, places, running)
     }
 
     /// See [`word_sums`].
@@ -235,21 +316,40 @@ mod row {
     }
 }
 
-/// See [`crate::pixels::Seen::note`].
-#[inline(always)]
-pub(crate) fn note<const N: usize>(rows: Rows<'_, N>, cut: Cut, seen: &mut Seen) {
-    let (excess, white) = (both(cut.excess), both(cut.saturation));
-    let (mut peak, mut saturated) = (word(&seen.peak), word(&seen.saturated));
-    rows.each(|raw, floor| {
+/// The kernel of this module, for rows of any number of words.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pairs;
+
+impl<const N: usize> Kernel<N> for Pairs {
+    #[inline(always)]
+    fn sums(self, rows: Rows<'_, N>, cut: Cut) -> RowSums {
+        if N <= 8 && cut.top <= NARROW_TOP {
+            row::narrow_sums(rows, both(cut.excess))
+        } else if cut.top <= SIGNED_TOP {
+            signed_sums::<N, false>(rows, cut)
+        } else {
+            let RowSums { sum, x, running } = signed_sums::<N, true>(rows, cut);
+            // What the flipped bits took from each row, and from each row's running sum.
+            let (row, count) = ((2 * N as u32) << 15, rows.count() as u32);
+            let lost = (row >> 1).wrapping_mul(count.wrapping_mul(count + 1));
+            let sum = sum.wrapping_add(row.wrapping_mul(count));
+            RowSums { sum, x, running: running.wrapping_add(lost) }
+        }
+    }
+
+    #[inline(always)]
+    fn note(self, (raw, floor): (&[u32; N], &[u32; N]), cut: Cut, seen: &mut Seen) {
+        let (excess, white) = (both(cut.excess), both(cut.saturation));
+        let (mut peak, mut saturated) = (word(&seen.peak), word(&seen.saturated));
         for (&raw, &floor) in raw.iter().zip(floor) {
             let signal = uqsub16(uqsub16(raw, floor), excess);
             peak = larger(signal, peak);
             let lit = reached(signal, ONES, ONES, 0);
             saturated = saturated.wrapping_add(reached(raw, white, lit, 0));
         }
-    });
-    put_word(&mut seen.peak, peak);
-    put_word(&mut seen.saturated, saturated);
+        put_word(&mut seen.peak, peak);
+        put_word(&mut seen.saturated, saturated);
+    }
 }
 
 #[cfg(test)]
@@ -261,9 +361,9 @@ mod tests {
     fn packed_and_portable_agree_to_the_bit() {
         for bits in [12, 15, 16] {
             let top = ((1u32 << bits) - 1) as u16;
-            agree::<4>(top, sums, note);
-            agree::<8>(top, sums, note);
-            agree::<16>(top, sums, note);
+            agree::<4>(top, Pairs);
+            agree::<8>(top, Pairs);
+            agree::<16>(top, Pairs);
         }
     }
 }

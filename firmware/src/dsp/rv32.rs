@@ -8,8 +8,11 @@
 //! d = (raw + 0x8000 - excess) - floor        0x8000 - 2 x 4095 <= d < 2^16
 //! s = d where its top bit is set, less that bit, else 0
 //! ```
+//!
+//! Whole windows of 8 x 8 and 16 x 16 pixels, a call each, take rows together: what is left to do for
+//! every row by itself is what is not pixels.
 
-use super::{Rows, put_word, word};
+use super::{Kernel, Rows, put_word, word};
 use crate::centroid::RowSums;
 use crate::pixels::{Cut, Seen};
 
@@ -30,40 +33,39 @@ fn both(x: u16) -> u32 {
 /// Words of the largest row.
 const WORDS: usize = 8;
 
-/// Sums of up to 16 rows.
+/// Sums of up to 16 rows. Of each of a row's words they are packed at first: 16 x 4095 < 2^16.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Sums {
-    /// Of each of a row's words, packed: 16 x 4095 < 2^16.
-    columns: [u32; WORDS],
     /// Of all pixels.
     sum: u32,
+    /// Of all pixels times their word's place in its row.
+    words: u32,
+    /// Of the second pixels of all words.
+    second: u32,
     /// Of the sums up to each row.
     running: u32,
 }
 
-/// What a pixel less its floor and an excess is raised by to be no less than 0: with 12 bits each it
-/// stays below 2^14.
-const RAISE: u16 = 2 * TOP;
-
-/// What is looked for in the watched rows, and what was found in each lane so far.
+/// What a kernel takes off pixels and looks for in them.
 #[derive(Clone, Copy)]
-struct Watch {
-    /// Raises a pixel: `RAISE` less the excess.
-    raise: u32,
+struct Levels {
+    /// Takes a pixel to its lane's top bit: `SIGNS` less the excess.
+    open: u32,
     /// Takes a saturated pixel to its lane's top bit.
     white: u32,
-    /// Takes a raised signal to its lane's top bit.
-    lit: u32,
-    /// 2^15 less the largest raised pixel.
-    room: u32,
-    /// Saturated pixels.
+}
+
+/// What was found in each lane of the watched rows.
+#[derive(Clone, Copy)]
+struct Watch {
+    peak: u32,
     saturated: u32,
 }
 
 /// What is done to rows.
 #[cfg(target_arch = "riscv32")]
 mod row {
-    use super::{ONES, Rows, SIGNS, Sums, WORDS, Watch};
+    use super::{Levels, ONES, Rows, SIGNS, Sums, WORDS, Watch};
     use core::arch::asm;
 
     /// Instructions on each row, which has `bytes`. The loop is entered at its end, so that its time
@@ -79,26 +81,67 @@ mod row {
         };
     }
 
-    /// Two words of a row: `a` and `b` become their signals, which their columns' sums get. Loads
-    /// stand apart from what needs them.
+    /// Two words become their signals, less their floors `c` and `d`.
+    macro_rules! cut {
+        ($a:literal $b:literal) => {
+            concat!(
+                "add ",
+                $a,
+                ", ",
+                $a,
+                ", {open}\n add ",
+                $b,
+                ", ",
+                $b,
+                ", {open}\n",
+                "sub ",
+                $a,
+                ", ",
+                $a,
+                ", {c}\n sub ",
+                $b,
+                ", ",
+                $b,
+                ", {d}\n",
+                "and {c}, ",
+                $a,
+                ", {signs}\n and {d}, ",
+                $b,
+                ", {signs}\n",
+                "srli {e}, {c}, 15\n sub {c}, {c}, {e}\n and ",
+                $a,
+                ", ",
+                $a,
+                ", {c}\n",
+                "srli {e}, {d}, 15\n sub {d}, {d}, {e}\n and ",
+                $b,
+                ", ",
+                $b,
+                ", {d}\n",
+            )
+        };
+    }
+
+    /// The signals of two words, from where they and their floors are. Loads stand apart from what needs
+    /// them.
     macro_rules! signals {
+        ($a:literal $b:literal: $first:expr, $first_floor:expr, $second:expr, $second_floor:expr) => {
+            concat!(
+                "lw ", $a, ", ", $first, "\n lw {c}, ", $first_floor, "\n",
+                "lw ", $b, ", ", $second, "\n lw {d}, ", $second_floor, "\n", cut!($a $b),
+            )
+        };
+    }
+
+    /// Two words of a row, added to their columns' sums.
+    macro_rules! columns {
         ($first:literal $left:literal $second:literal $right:literal) => {
             concat!(
-                "lw {a}, ",
-                $first,
-                "({raw})\n lw {c}, ",
-                $first,
-                "({floor})\n",
-                "lw {b}, ",
-                $second,
-                "({raw})\n lw {d}, ",
-                $second,
-                "({floor})\n",
-                "add {a}, {a}, {open}\n add {b}, {b}, {open}\n",
-                "sub {a}, {a}, {c}\n sub {b}, {b}, {d}\n",
-                "and {c}, {a}, {signs}\n and {d}, {b}, {signs}\n",
-                "srli {e}, {c}, 15\n sub {c}, {c}, {e}\n and {a}, {a}, {c}\n",
-                "srli {e}, {d}, 15\n sub {d}, {d}, {e}\n and {b}, {b}, {d}\n",
+                signals!("{a}" "{b}": concat!($first, "({raw})"),
+                    concat!($first, "({floor})"),
+                    concat!($second, "({raw})"),
+                    concat!($second, "({floor})")
+                ),
                 "add {",
                 $left,
                 "}, {",
@@ -124,151 +167,347 @@ mod row {
         };
     }
 
+    /// The last of a row's columns, packed, into sums from here on: `a` and `b` of second pixels, `c` and
+    /// `d` of packed ones; `a` and `c` of the columns so far, `b` and `d` of what they were after each
+    /// column, which adds up to the sum of place times column.
+    macro_rules! last {
+        ($column:literal) => {
+            concat!(
+                "srli {a}, {",
+                $column,
+                "}, 16\n mv {b}, {a}\n",
+                "mv {c}, {",
+                $column,
+                "}\n mv {d}, {c}\n",
+            )
+        };
+    }
+
+    /// The columns before it, from right to left.
+    macro_rules! before {
+        ($($column:literal)*) => {
+            concat!($(
+                "srli {e}, {", $column, "}, 16\n add {a}, {a}, {e}\n add {b}, {b}, {a}\n",
+                "add {c}, {c}, {", $column, "}\n add {d}, {d}, {c}\n",
+            )*)
+        };
+    }
+
+    /// The first column counts among the second pixels only. `d` has lost what is above 32 bits of the
+    /// upper halves, `b`: without them it is the sum over lower halves, below 28 x 2^16.
+    macro_rules! first {
+        ($column:literal) => {
+            concat!(
+                "srli {e}, {",
+                $column,
+                "}, 16\n add {a}, {a}, {e}\n",
+                "slli {e}, {b}, 16\n sub {d}, {d}, {e}\n add {d}, {d}, {b}\n",
+            )
+        };
+    }
+
+    /// Looks at two words of a row each. With its lane's top bit set, a signal less the peak so far keeps
+    /// it where it is no less, and less one where it is not zero.
+    macro_rules! note {
+        ($($first:literal $second:literal)*) => {
+            concat!($(
+                "lw {a}, ", $first, "({watched})\n lw {c}, ", $first, "({watched_floor})\n",
+                "lw {b}, ", $second, "({watched})\n lw {d}, ", $second, "({watched_floor})\n",
+                note!(word "{a}" "{c}"), note!(word "{b}" "{d}"),
+            )*)
+        };
+        (word $word:literal $floor:literal) => {
+            concat!(
+                "add {e}, ", $word, ", {open}\n add ", $word, ", ", $word, ", {white}\n",
+                "sub {e}, {e}, ", $floor, "\n sub ", $floor, ", {e}, {k0}\n",
+                "sub {e}, {e}, {ones}\n and ", $word, ", ", $word, ", {e}\n",
+                "and {e}, ", $floor, ", {signs}\n and ", $word, ", ", $word, ", {signs}\n",
+                "srli ", $word, ", ", $word, ", 15\n add {k1}, {k1}, ", $word, "\n",
+                "srli ", $word, ", {e}, 15\n sub {e}, {e}, ", $word, "\n",
+                "and ", $floor, ", ", $floor, ", {e}\n add {k0}, {k0}, ", $floor, "\n",
+            )
+        };
+    }
+
+    /// Gives `run` what rows of 4 or 8 words take: bytes of a row, instructions on it, what is then done
+    /// to columns, what looks at a row, and the columns' names.
+    macro_rules! for_width {
+        ($run:ident) => {
+            if N == WORDS {
+                $run!("32", concat!(
+                    columns!("0" "k0" "4" "k1"), "add {row}, {a}, {b}\n",
+                    columns!("8" "k2" "12" "k3"), "add {a}, {a}, {b}\n add {row}, {row}, {a}\n",
+                    columns!("16" "k4" "20" "k5"), "add {a}, {a}, {b}\n add {row}, {row}, {a}\n",
+                    columns!("24" "k6" "28" "k7"), "add {a}, {a}, {b}\n add {row}, {row}, {a}\n"),
+                    concat!(last!("k7"), before!("k6" "k5" "k4" "k3" "k2" "k1"), first!("k0")),
+                    note!("0" "4" "8" "12" "16" "20" "24" "28");
+                    k0, k1, k2, k3, k4, k5, k6, k7);
+            } else {
+                $run!("16", concat!(
+                    columns!("0" "k0" "4" "k1"), "add {row}, {a}, {b}\n",
+                    columns!("8" "k2" "12" "k3"), "add {a}, {a}, {b}\n add {row}, {row}, {a}\n"),
+                    concat!(last!("k3"), before!("k2" "k1"), first!("k0")),
+                    note!("0" "4" "8" "12"); k0, k1, k2, k3);
+            }
+        };
+    }
+
     /// The sums of rows; `N` is 4 or 8.
     #[inline(always)]
-    pub(super) fn sums<const N: usize>(rows: Rows<'_, N>, open: u32) -> Sums {
+    pub(super) fn sums<const N: usize>(rows: Rows<'_, N>, Levels { open, .. }: Levels) -> Sums {
         let Rows { raw, stride, floor } = rows;
         let floor = floor.as_flattened().as_ptr_range();
-        let (k0, k1, k2, k3, sum, running): (u32, u32, u32, u32, u32, u32);
-        let [mut k4, mut k5, mut k6, mut k7] = [0u32; WORDS / 2];
+        let (sum, running, second, words): (u32, u32, u32, u32);
         macro_rules! run {
-            ($code:expr; $($column:ident),*) => {
+            ($bytes:literal, $row:expr, $columns:expr, $note:expr; $($column:ident),*) => {
                 // SAFETY: the instructions write registers that are given here and no memory, and
-                // read the rows only, which `Rows::new` found in their slices.
+                // read the rows only, which `Block::rows` found in their slices.
                 #[allow(unsafe_code)]
                 unsafe {
                     asm!($(concat!("li {", stringify!($column), "}, 0"),)*
-                        "li {sum}, 0", "li {running}, 0", $code,
+                        "li {sum}, 0", "li {running}, 0",
+                        for_each_row!($bytes, $row, fold!()), $columns,
                         raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floor.start => _,
                         end = in(reg) floor.end, stride = in(reg) stride.wrapping_mul(4),
                         open = in(reg) open, signs = in(reg) SIGNS, ones = in(reg) ONES,
-                        $($column = out(reg) $column,)*
+                        $($column = out(reg) _,)*
                         sum = out(reg) sum, running = out(reg) running,
-                        a = out(reg) _, b = out(reg) _, c = out(reg) _, d = out(reg) _,
+                        a = out(reg) second, b = out(reg) _, c = out(reg) _, d = out(reg) words,
                         e = out(reg) _, row = out(reg) _,
                         options(pure, readonly, nostack));
                 }
             };
         }
-        if N == WORDS {
-            run!(for_each_row!("32",
-                signals!("0" "k0" "4" "k1"), "add {row}, {a}, {b}",
-                signals!("8" "k2" "12" "k3"), "add {a}, {a}, {b}\n add {row}, {row}, {a}",
-                signals!("16" "k4" "20" "k5"), "add {a}, {a}, {b}\n add {row}, {row}, {a}",
-                signals!("24" "k6" "28" "k7"), "add {a}, {a}, {b}\n add {row}, {row}, {a}",
-                fold!()); k0, k1, k2, k3, k4, k5, k6, k7);
-        } else {
-            run!(for_each_row!("16",
-                signals!("0" "k0" "4" "k1"), "add {row}, {a}, {b}",
-                signals!("8" "k2" "12" "k3"), "add {a}, {a}, {b}\n add {row}, {row}, {a}",
-                fold!()); k0, k1, k2, k3);
-        }
-        Sums { columns: [k0, k1, k2, k3, k4, k5, k6, k7], sum, running }
+        for_width!(run);
+        Sums { sum, words, second, running }
     }
 
-    /// Looks at two words.
-    macro_rules! note {
-        ($first:literal $second:literal) => {
-            concat!(
-                "lw {a}, ",
-                $first,
-                "({raw})\n lw {c}, ",
-                $first,
-                "({floor})\n",
-                "lw {b}, ",
-                $second,
-                "({raw})\n lw {d}, ",
-                $second,
-                "({floor})\n",
-                note!("{a}", "{c}"),
-                note!("{b}", "{d}"),
-            )
-        };
-        ($word:literal, $floor:literal) => {
-            concat!(
-                "add {e}, ",
-                $word,
-                ", {raise}\n add ",
-                $word,
-                ", ",
-                $word,
-                ", {white}\n",
-                "sub {e}, {e}, ",
-                $floor,
-                "\n add ",
-                $floor,
-                ", {e}, {room}\n",
-                "add {e}, {e}, {lit}\n and {f}, ",
-                $floor,
-                ", {signs}\n",
-                "and ",
-                $word,
-                ", ",
-                $word,
-                ", {e}\n srli {e}, {f}, 15\n",
-                "srli ",
-                $word,
-                ", ",
-                $word,
-                ", 15\n sub {f}, {f}, {e}\n",
-                "and ",
-                $word,
-                ", ",
-                $word,
-                ", {ones}\n and ",
-                $floor,
-                ", ",
-                $floor,
-                ", {f}\n",
-                "add {saturated}, {saturated}, ",
-                $word,
-                "\n sub {room}, {room}, ",
-                $floor,
-                "\n",
-            )
-        };
-    }
-
-    /// Looks at rows; `N` is 4 or 8.
+    /// Looks at a row; `N` is 4 or 8.
     #[inline(always)]
-    pub(super) fn note<const N: usize>(watch: &mut Watch, rows: Rows<'_, N>) {
-        let Rows { raw, stride, floor } = rows;
-        let floor = floor.as_flattened().as_ptr_range();
+    pub(super) fn note<const N: usize>(
+        (raw, floor): (&[u32; N], &[u32; N]),
+        Levels { open, white }: Levels,
+        Watch { mut peak, mut saturated }: Watch,
+    ) -> Watch {
         macro_rules! run {
-            ($code:expr) => {
-                // SAFETY: as above.
+            ($bytes:literal, $row:expr, $columns:expr, $note:expr; $($column:ident),*) => {
+                // SAFETY: the instructions write registers that are given here and no memory, and
+                // read the two arrays only.
                 #[allow(unsafe_code)]
                 unsafe {
-                    asm!($code,
-                        raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floor.start => _,
-                        end = in(reg) floor.end, stride = in(reg) stride.wrapping_mul(4),
-                        raise = in(reg) watch.raise, white = in(reg) watch.white,
-                        lit = in(reg) watch.lit, signs = in(reg) SIGNS, ones = in(reg) ONES,
-                        room = inout(reg) watch.room, saturated = inout(reg) watch.saturated,
+                    asm!($note,
+                        watched = in(reg) raw.as_ptr(), watched_floor = in(reg) floor.as_ptr(),
+                        open = in(reg) open, white = in(reg) white,
+                        signs = in(reg) SIGNS, ones = in(reg) ONES,
+                        k0 = inout(reg) peak, k1 = inout(reg) saturated,
                         a = out(reg) _, b = out(reg) _, c = out(reg) _, d = out(reg) _,
-                        e = out(reg) _, f = out(reg) _,
+                        e = out(reg) _,
                         options(pure, readonly, nostack));
                 }
             };
         }
-        if N == WORDS {
-            run!(for_each_row!(
-                "32",
-                note!("0" "4"),
-                note!("8" "12"),
-                note!("16" "20"),
-                note!("24" "28")
-            ));
-        } else {
-            run!(for_each_row!("16", note!("0" "4"), note!("8" "12")));
+        for_width!(run);
+        Watch { peak, saturated }
+    }
+
+    /// The words of four rows at one place of theirs: what `odd` rows and second `pair`s of rows have, to
+    /// those sums; then what is done with `a`, of the second pair, and `f`, of the first.
+    macro_rules! four {
+        ($done:expr; $x:literal: $f0:literal $f1:literal $f2:literal $f3:literal) => {
+            concat!(
+                signals!("{a}" "{b}": concat!($x, "({raw})"),
+                    concat!($f0, "({floor})"),
+                    concat!($x, "({raw1})"),
+                    concat!($f1, "({floor})")
+                ),
+                "add {odd}, {odd}, {b}\n add {f}, {a}, {b}\n",
+                signals!("{a}" "{b}": concat!($x, "({raw2})"),
+                    concat!($f2, "({floor})"),
+                    concat!($x, "({raw3})"),
+                    concat!($f3, "({floor})")
+                ),
+                "add {odd}, {odd}, {b}\n add {a}, {a}, {b}\n add {pair}, {pair}, {a}\n",
+                $done,
+            )
+        };
+    }
+
+    /// The first rows of a column begin its sum.
+    macro_rules! upper {
+        ($column:literal) => {
+            concat!("add {", $column, "}, {f}, {a}\n")
+        };
+    }
+
+    /// The last ones, to their `half`'s sum as well.
+    macro_rules! lower {
+        ($column:literal) => {
+            concat!(
+                "add {f}, {f}, {a}\n add {half}, {half}, {f}\n",
+                "add {",
+                $column,
+                "}, {",
+                $column,
+                "}, {f}\n",
+            )
+        };
+    }
+
+    /// [`window`] of 8 x 8 pixels. The sum of place times row comes from the bits of places: `odd` rows,
+    /// odd `pair`s of them and the lower `half`, 16 pixels of 12 bits in a lane each, with no work on
+    /// single rows.
+    #[inline(always)]
+    fn square(
+        (raw, stride): (&[u32], usize),
+        floor: &[[u32; 4]; 8],
+        (watched, watched_floor): (&[u32; 4], &[u32; 4]),
+        Levels { open, white }: Levels,
+    ) -> (Sums, Watch) {
+        let (sum, running, second, words, peak, saturated): (u32, u32, u32, u32, u32, u32);
+        // SAFETY: as of `sums` and `note`; of `raw` it reads 4 words in each of 8 rows, those that have
+        // these floors.
+        #[allow(unsafe_code)]
+        unsafe {
+            asm!("li {k0}, 0", "li {k1}, 0", note!("0" "4" "8" "12"),
+                "mv {watched}, {k0}", "mv {watched_floor}, {k1}",
+                "add {raw1}, {raw}, {stride}", "add {raw2}, {raw1}, {stride}",
+                "add {raw3}, {raw2}, {stride}", "slli {stride}, {stride}, 2",
+                "li {odd}, 0", "li {pair}, 0", "li {half}, 0",
+                four!(upper!("k0"); "0": "0" "16" "32" "48"),
+                four!(upper!("k1"); "4": "4" "20" "36" "52"),
+                four!(upper!("k2"); "8": "8" "24" "40" "56"),
+                four!(upper!("k3"); "12": "12" "28" "44" "60"),
+                "add {raw}, {raw}, {stride}", "add {raw1}, {raw1}, {stride}",
+                "add {raw2}, {raw2}, {stride}", "add {raw3}, {raw3}, {stride}",
+                four!(lower!("k0"); "0": "64" "80" "96" "112"),
+                four!(lower!("k1"); "4": "68" "84" "100" "116"),
+                four!(lower!("k2"); "8": "72" "88" "104" "120"),
+                four!(lower!("k3"); "12": "76" "92" "108" "124"),
+                // Place times row, of second pixels in `b` and packed in `half`.
+                "srli {e}, {odd}, 16", "srli {f}, {pair}, 16", "srli {b}, {half}, 16",
+                "slli {b}, {b}, 1", "add {b}, {b}, {f}", "slli {b}, {b}, 1", "add {b}, {b}, {e}",
+                "slli {half}, {half}, 1", "add {half}, {half}, {pair}",
+                "slli {half}, {half}, 1", "add {half}, {half}, {odd}",
+                "slli {e}, {b}, 16", "sub {half}, {half}, {e}", "add {half}, {half}, {b}",
+                last!("k3"), before!("k2" "k1"), first!("k0"),
+                // All of them; of row y, 8 - y times itself is in the sums up to each row.
+                "add {c}, {c}, {k0}", "slli {e}, {a}, 16", "sub {c}, {c}, {e}", "add {c}, {c}, {a}",
+                "slli {e}, {c}, 3", "sub {half}, {e}, {half}",
+                raw = inout(reg) raw.as_ptr() => _, stride = inout(reg) stride.wrapping_mul(4) => _,
+                floor = in(reg) floor.as_ptr(), open = in(reg) open, white = in(reg) white,
+                signs = in(reg) SIGNS, ones = in(reg) ONES,
+                watched = inout(reg) watched.as_ptr() => peak,
+                watched_floor = inout(reg) watched_floor.as_ptr() => saturated,
+                raw1 = out(reg) _, raw2 = out(reg) _, raw3 = out(reg) _,
+                k0 = out(reg) _, k1 = out(reg) _, k2 = out(reg) _, k3 = out(reg) _,
+                odd = out(reg) _, pair = out(reg) _, half = out(reg) running,
+                a = out(reg) second, b = out(reg) _, c = out(reg) sum, d = out(reg) words,
+                e = out(reg) _, f = out(reg) _,
+                options(pure, readonly, nostack));
         }
+        (Sums { sum, words, second, running }, Watch { peak, saturated })
+    }
+
+    /// The words of two rows at one place of theirs, added to the rows' sums and the column's.
+    macro_rules! two {
+        ($column:literal: $x:literal $f0:literal $f1:literal) => {
+            concat!(
+                signals!("{a}" "{b}": concat!($x, "({raw})"), concat!($f0, "({floor})"),
+                    concat!($x, "({raw1})"), concat!($f1, "({floor})")),
+                "add {row}, {row}, {a}\n add {odd}, {odd}, {b}\n",
+                "add {a}, {a}, {b}\n add {", $column, "}, {", $column, "}, {a}\n",
+            )
+        };
+    }
+
+    /// Two rows of 8 words, from their floors on. Packed sums are below 2^15, as of one row.
+    macro_rules! two_rows {
+        ($f0:literal $f1:literal $($column:literal: $x:literal $f2:literal $f3:literal)*) => {
+            concat!(
+                "add {raw1}, {raw}, {stride}\n",
+                signals!("{row}" "{odd}": "0({raw})", concat!($f0, "({floor})"),
+                    "0({raw1})", concat!($f1, "({floor})")),
+                "add {a}, {row}, {odd}\n add {k0}, {k0}, {a}\n",
+                $(two!($column: $x $f2 $f3),)*
+                "add {raw}, {raw1}, {stride}\n", fold!(), "\n",
+                "mul {odd}, {odd}, {ones}\n srli {odd}, {odd}, 16\n",
+                "add {sum}, {sum}, {odd}\n add {running}, {running}, {sum}\n",
+            )
+        };
+    }
+
+    /// [`window`] of 16 x 16 pixels: two rows at a time add to a column once.
+    #[inline(always)]
+    fn large_square(
+        (raw, stride): (&[u32], usize),
+        floor: &[[u32; 8]; 16],
+        (watched, watched_floor): (&[u32; 8], &[u32; 8]),
+        Levels { open, white }: Levels,
+    ) -> (Sums, Watch) {
+        let (sum, running, second, words, peak, saturated): (u32, u32, u32, u32, u32, u32);
+        let floor = floor.as_flattened().as_ptr_range();
+        // SAFETY: as of `sums` and `note`; of `raw` it reads 8 words in each of 16 rows, those that have
+        // these floors.
+        #[allow(unsafe_code)]
+        unsafe {
+            asm!("li {k0}, 0", "li {k1}, 0", note!("0" "4" "8" "12" "16" "20" "24" "28"),
+                "mv {watched}, {k0}", "mv {watched_floor}, {k1}",
+                "li {k0}, 0", "li {k1}, 0", "li {k2}, 0", "li {k3}, 0", "li {k4}, 0", "li {k5}, 0",
+                "li {k6}, 0", "li {k7}, 0", "li {sum}, 0", "li {running}, 0", ".p2align 2", "2:",
+                two_rows!("0" "32" "k1": "4" "4" "36" "k2": "8" "8" "40" "k3": "12" "12" "44"
+                    "k4": "16" "16" "48" "k5": "20" "20" "52" "k6": "24" "24" "56"
+                    "k7": "28" "28" "60"),
+                two_rows!("64" "96" "k1": "4" "68" "100" "k2": "8" "72" "104" "k3": "12" "76" "108"
+                    "k4": "16" "80" "112" "k5": "20" "84" "116" "k6": "24" "88" "120"
+                    "k7": "28" "92" "124"),
+                "addi {floor}, {floor}, 128", "bne {floor}, {end}, 2b",
+                last!("k7"), before!("k6" "k5" "k4" "k3" "k2" "k1"), first!("k0"),
+                raw = inout(reg) raw.as_ptr() => _, stride = in(reg) stride.wrapping_mul(4),
+                floor = inout(reg) floor.start => _, end = in(reg) floor.end,
+                open = in(reg) open, signs = in(reg) SIGNS, ones = in(reg) ONES,
+                white = in(reg) white,
+                watched = inout(reg) watched.as_ptr() => peak,
+                watched_floor = inout(reg) watched_floor.as_ptr() => saturated,
+                raw1 = out(reg) _, row = out(reg) _, odd = out(reg) _,
+                k0 = out(reg) _, k1 = out(reg) _, k2 = out(reg) _, k3 = out(reg) _,
+                k4 = out(reg) _, k5 = out(reg) _, k6 = out(reg) _, k7 = out(reg) _,
+                sum = out(reg) sum, running = out(reg) running,
+                a = out(reg) second, b = out(reg) _, c = out(reg) _, d = out(reg) words,
+                e = out(reg) _,
+                options(pure, readonly, nostack));
+        }
+        (Sums { sum, words, second, running }, Watch { peak, saturated })
+    }
+
+    /// Both at once: constants stay in their registers, and others are used twice.
+    #[inline(always)]
+    pub(super) fn window<const N: usize>(
+        rows: Rows<'_, N>,
+        watched: (&[u32; N], &[u32; N]),
+        levels: Levels,
+    ) -> (Sums, Watch) {
+        let Rows { raw, stride, floor } = rows;
+        let (row, row_floor) = (watched.0.as_slice(), watched.1.as_slice());
+        let floors = floor.as_flattened();
+        if let (Ok(row), Ok(row_floor), ([floor], [])) =
+            (row.try_into(), row_floor.try_into(), floors.as_chunks::<4>().0.as_chunks())
+        {
+            return square((raw, stride), floor, (row, row_floor), levels);
+        }
+        if let (Ok(row), Ok(row_floor), ([floor], [])) =
+            (row.try_into(), row_floor.try_into(), floors.as_chunks::<8>().0.as_chunks())
+        {
+            return large_square((raw, stride), floor, (row, row_floor), levels);
+        }
+        let nothing = Watch { peak: 0, saturated: 0 };
+        (sums(rows, levels), note(watched, levels, nothing))
     }
 }
 
 /// The same in portable arithmetic, so that the kernel can be tested on a PC.
 #[cfg(not(target_arch = "riscv32"))]
 mod row {
-    use super::{ONES, Rows, SIGNS, Sums, Watch};
+    use super::{Levels, ONES, Rows, SIGNS, Sums, WORDS, Watch};
 
     /// The lanes whose top bit is set, without it; zero for the others.
     fn positive(d: u32) -> u32 {
@@ -276,71 +515,103 @@ mod row {
         d & signs.wrapping_sub(signs >> 15)
     }
 
-    pub(super) fn sums<const N: usize>(rows: Rows<'_, N>, open: u32) -> Sums {
+    pub(super) fn sums<const N: usize>(rows: Rows<'_, N>, levels: Levels) -> Sums {
         let mut sums = Sums::default();
+        let mut columns = [0u32; WORDS];
         rows.each(|raw, floor| {
-            for ((raw, floor), column) in raw.iter().zip(floor).zip(&mut sums.columns) {
-                let signal = positive(raw.wrapping_add(open).wrapping_sub(*floor));
+            for ((raw, floor), column) in raw.iter().zip(floor).zip(&mut columns) {
+                let signal = positive(raw.wrapping_add(levels.open).wrapping_sub(*floor));
                 *column += signal;
                 sums.sum += (signal & 0xffff) + (signal >> 16);
             }
             sums.running += sums.sum;
         });
+        for (place, column) in (0..).zip(columns) {
+            let (first, second) = (column & 0xffff, column >> 16);
+            sums.words += place * (first + second);
+            sums.second += second;
+        }
         sums
     }
 
-    pub(super) fn note<const N: usize>(watch: &mut Watch, rows: Rows<'_, N>) {
-        rows.each(|raw, floor| {
-            for (raw, floor) in raw.iter().zip(floor) {
-                let raised = raw.wrapping_add(watch.raise).wrapping_sub(*floor);
-                watch.room -= positive(raised.wrapping_add(watch.room));
-                let counts = raw.wrapping_add(watch.white) & raised.wrapping_add(watch.lit);
-                watch.saturated += (counts >> 15) & ONES;
-            }
-        });
+    pub(super) fn note<const N: usize>(
+        (raw, floor): (&[u32; N], &[u32; N]),
+        levels: Levels,
+        mut watch: Watch,
+    ) -> Watch {
+        for (raw, floor) in raw.iter().zip(floor) {
+            let signal = raw.wrapping_add(levels.open).wrapping_sub(*floor);
+            let counts = raw.wrapping_add(levels.white) & signal.wrapping_sub(ONES) & SIGNS;
+            watch.saturated += counts >> 15;
+            watch.peak += positive(signal.wrapping_sub(watch.peak));
+        }
+        watch
+    }
+
+    pub(super) fn window<const N: usize>(
+        rows: Rows<'_, N>,
+        watched: (&[u32; N], &[u32; N]),
+        levels: Levels,
+    ) -> (Sums, Watch) {
+        let nothing = Watch { peak: 0, saturated: 0 };
+        (sums(rows, levels), note(watched, levels, nothing))
     }
 }
 
-/// Whether rows are of this module's kind: of 4 or 8 words of 12 bits, and no more of them than a square
-/// window has.
-#[inline(always)]
-pub(crate) const fn takes<const N: usize>(rows: &Rows<'_, N>, cut: Cut) -> bool {
-    (N == 4 || N == 8) && cut.top <= TOP && rows.count() <= 2 * N
-}
+/// The kernel of 12 bits.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Narrow;
 
-/// See [`crate::centroid::floored_moments`].
-#[inline(always)]
-pub(crate) fn sums<const N: usize>(rows: Rows<'_, N>, cut: Cut) -> RowSums {
-    let open = SIGNS.wrapping_sub(both(cut.excess));
-    let Sums { columns, sum, running } = row::sums(rows, open);
-    // From the last word to the second, the sums of those met add up to k times word k.
-    let (mut met, mut words, mut second) = (0u32, 0u32, 0u32);
-    for column in columns.into_iter().take(N).skip(1).rev() {
-        let high = column >> 16;
-        met = met.wrapping_add(column & 0xffff).wrapping_add(high);
-        words = words.wrapping_add(met);
-        second = second.wrapping_add(high);
+impl Narrow {
+    /// Whether pixels are of its kind: in rows of 4 or 8 words, of 12 bits.
+    #[inline(always)]
+    pub(crate) const fn takes<const N: usize>(cut: &Cut) -> bool {
+        (N == 4 || N == 8) && cut.top <= TOP
     }
-    let second = columns.first().map_or(0, |first| second.wrapping_add(first >> 16));
-    // Half pixels: 4 word + 2 lane - (W - 1), W = 2 N.
-    let x = words.wrapping_mul(4).wrapping_add(second.wrapping_mul(2));
-    let x = x.wrapping_sub(sum.wrapping_mul(2 * N as u32 - 1)) as i32;
-    RowSums { sum, x, running }
 }
 
-/// See [`crate::pixels::Seen::note`].
-#[inline(always)]
-pub(crate) fn note<const N: usize>(rows: Rows<'_, N>, cut: Cut, seen: &mut Seen) {
-    let mut watch = Watch {
-        raise: both(RAISE.wrapping_sub(cut.excess)),
-        white: SIGNS.wrapping_sub(both(cut.saturation)),
-        lit: SIGNS.wrapping_sub(both(RAISE + 1)),
-        room: SIGNS.wrapping_sub(word(&seen.peak).wrapping_add(both(RAISE))),
-        saturated: word(&seen.saturated),
-    };
-    row::note(&mut watch, rows);
-    put_word(&mut seen.peak, SIGNS.wrapping_sub(watch.room).wrapping_sub(both(RAISE)));
-    put_word(&mut seen.saturated, watch.saturated);
+impl Levels {
+    #[inline(always)]
+    fn new(cut: Cut) -> Self {
+        let below = |level: u16| SIGNS.wrapping_sub(both(level));
+        Self { open: below(cut.excess), white: below(cut.saturation) }
+    }
+}
+
+impl Sums {
+    /// Of rows of `N` words.
+    #[inline(always)]
+    fn finish<const N: usize>(self) -> RowSums {
+        let Self { sum, words, second, running } = self;
+        // Half pixels: 4 word + 2 lane - (W - 1), W = 2 N.
+        let x = words.wrapping_mul(4).wrapping_add(second.wrapping_mul(2));
+        let x = x.wrapping_sub(sum.wrapping_mul(2 * N as u32 - 1)) as i32;
+        RowSums { sum, x, running }
+    }
+}
+
+impl<const N: usize> Kernel<N> for Narrow {
+    #[inline(always)]
+    fn sums(self, rows: Rows<'_, N>, cut: Cut) -> RowSums {
+        row::sums(rows, Levels::new(cut)).finish::<N>()
+    }
+
+    #[inline(always)]
+    fn note(self, row: (&[u32; N], &[u32; N]), cut: Cut, seen: &mut Seen) {
+        let watch = Watch { peak: word(&seen.peak), saturated: word(&seen.saturated) };
+        let Watch { peak, saturated } = row::note(row, Levels::new(cut), watch);
+        put_word(&mut seen.peak, peak);
+        put_word(&mut seen.saturated, saturated);
+    }
+
+    #[inline(always)]
+    fn window(self, rows: Rows<'_, N>, row: (&[u32; N], &[u32; N]), cut: Cut) -> (RowSums, Seen) {
+        let (sums, Watch { peak, saturated }) = row::window(rows, row, Levels::new(cut));
+        let mut seen = Seen::NOTHING;
+        put_word(&mut seen.peak, peak);
+        put_word(&mut seen.saturated, saturated);
+        (sums.finish::<N>(), seen)
+    }
 }
 
 #[cfg(test)]
@@ -350,13 +621,12 @@ mod tests {
 
     #[test]
     fn packed_and_portable_agree_to_the_bit() {
-        agree::<4>(TOP, sums, note);
-        agree::<8>(TOP, sums, note);
+        agree::<4>(TOP, Narrow);
+        agree::<8>(TOP, Narrow);
     }
 
     #[test]
     fn other_rows_are_not_taken() {
-        let (raw, floor) = ([0; 64], [0; 64]);
         let cut = Cut {
             convention: crate::pixels::Convention::Subtract,
             shift: 0,
@@ -364,10 +634,8 @@ mod tests {
             saturation: 1,
             excess: 0,
         };
-        let rows = Rows::<4>::new(&raw, 8, &floor).expect("words");
-        assert!(takes(&rows, cut));
-        assert!(!takes(&rows, Cut { top: TOP + 1, ..cut }), "13 bits");
-        let narrow = Rows::<2>::new(&raw, 4, &floor).expect("words");
-        assert!(!takes(&narrow, cut), "too few words, and too many rows");
+        assert!(Narrow::takes::<4>(&cut));
+        assert!(!Narrow::takes::<4>(&Cut { top: TOP + 1, ..cut }), "13 bits");
+        assert!(!Narrow::takes::<2>(&cut), "too few words");
     }
 }

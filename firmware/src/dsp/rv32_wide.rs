@@ -9,9 +9,10 @@
 //! `before` adds up to the sum over pixels x of (W - x) s, which gives the moment without a
 //! multiplication a pixel, as in [`crate::centroid::row_moments`]: below 16 x 136 x 65535 < 2^28.
 
-use super::Rows;
+use super::{Kernel, Rows, halves};
 use crate::centroid::RowSums;
-use crate::pixels::Cut;
+use crate::fixed;
+use crate::pixels::{Cut, Seen};
 
 /// Sums of rows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -112,40 +113,62 @@ mod row {
     }
 }
 
-/// Whether rows are of this module's kind: of 4 or 8 words, and no more of them than a square window
-/// has.
-#[inline(always)]
-pub(crate) const fn takes<const N: usize>(rows: &Rows<'_, N>) -> bool {
-    (N == 4 || N == 8) && rows.count() <= 2 * N
+/// The kernel of up to 16 bits.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wide;
+
+impl Wide {
+    /// Whether pixels are of its kind: in rows of 4 or 8 words.
+    #[inline(always)]
+    pub(crate) const fn takes<const N: usize>() -> bool {
+        N == 4 || N == 8
+    }
 }
 
-/// See [`crate::centroid::floored_moments`].
-#[inline(always)]
-pub(crate) fn sums<const N: usize>(rows: Rows<'_, N>, cut: Cut) -> RowSums {
-    let Sums { sum, before, running } = row::sums(rows, cut.excess.into());
-    let x = sum.wrapping_mul(2 * N as u32 + 1).wrapping_sub(before.wrapping_mul(2)) as i32;
-    RowSums { sum, x, running }
+impl<const N: usize> Kernel<N> for Wide {
+    #[inline(always)]
+    fn sums(self, rows: Rows<'_, N>, cut: Cut) -> RowSums {
+        let Sums { sum, before, running } = row::sums(rows, cut.excess.into());
+        let x = sum.wrapping_mul(2 * N as u32 + 1).wrapping_sub(before.wrapping_mul(2)) as i32;
+        RowSums { sum, x, running }
+    }
+
+    #[inline(always)]
+    fn note(self, (raw, floor): (&[u32; N], &[u32; N]), cut: Cut, seen: &mut Seen) {
+        let ([peak, ..], [saturated, ..]) = (&mut seen.peak, &mut seen.saturated);
+        // The highest level that is not saturated: what is above takes one comparison.
+        let grey = i32::from(cut.saturation.wrapping_sub(1));
+        let excess = i32::from(cut.excess);
+        // Zero or what was seen before, which nothing below zero exceeds.
+        let (mut most, mut count) = (i32::from(*peak), 0);
+        for (&raw, &floor) in halves(raw).iter().zip(halves(floor)) {
+            let raw = i32::from(raw);
+            let signal = raw - i32::from(floor) - excess;
+            most = fixed::larger(signal, most);
+            count += i32::from(raw > grey) & i32::from(signal > 0);
+        }
+        *peak = most as u16;
+        *saturated = saturated.wrapping_add(count as u16);
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::tests::agree_on_sums;
+    use crate::dsp::tests::agree;
 
     #[test]
     fn other_rows_are_not_taken() {
-        let (raw, floor) = ([0; 128], [0; 128]);
-        assert!(takes(&Rows::<4>::new(&raw, 8, &floor[..64]).expect("words")));
-        assert!(!takes(&Rows::<4>::new(&raw, 8, &floor).expect("words")), "too many rows");
-        assert!(!takes(&Rows::<2>::new(&raw, 4, &floor[..8]).expect("words")), "too few words");
+        assert!(Wide::takes::<4>());
+        assert!(!Wide::takes::<2>(), "too few words");
     }
 
     #[test]
     fn agrees_with_the_portable_kernel() {
         for bits in [8, 13, 16] {
             let top = ((1u32 << bits) - 1) as u16;
-            agree_on_sums::<4>(top, sums);
-            agree_on_sums::<8>(top, sums);
+            agree::<4>(top, Wide);
+            agree::<8>(top, Wide);
         }
     }
 }
