@@ -9,8 +9,8 @@
 //! s = d where its top bit is set, less that bit, else 0
 //! ```
 //!
-//! Whole windows of 8 x 8 and 16 x 16 pixels, a call each, take rows together: what is left to do for
-//! every row by itself is what is not pixels.
+//! Whole windows of 8 x 8 and 16 x 16 pixels have kernels of their own, which take rows together: work
+//! on a single row is work that is not pixels.
 
 use super::{Kernel, Rows, put_word, word};
 use crate::centroid::RowSums;
