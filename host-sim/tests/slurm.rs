@@ -186,14 +186,15 @@ fn a_killed_and_requeued_task_changes_nothing() {
     let id = format!("JobId={task}");
     let now = cluster.command("scontrol", &["update", &id, "StartTime=now"]).output().unwrap();
     assert!(now.status.success(), "{}", String::from_utf8_lossy(&now.stderr));
+    // It is started twice, and runs in the second time only what is missing. A queue that is asked while a task
+    // goes back into it may be empty.
+    let log = || std::fs::read_to_string(out.join("part-1.log")).unwrap_or_default();
+    cluster.wait("the second start", |_| log().contains("part 1/2, start 1"));
     cluster.wait("the end of all", |cluster| {
         let waiting = cluster.says("squeue", &["-h"]);
         waiting.is_some_and(|jobs| jobs.is_empty()) && out.join("merged.log").exists()
     });
-
-    // It was started twice, and ran in the second time only what was missing.
-    let log = std::fs::read_to_string(out.join("part-1.log")).unwrap();
-    assert!(log.contains("part 1/2, start 0") && log.contains("part 1/2, start 1"), "{log}");
+    assert!(log().contains("part 1/2, start 0"), "{}", log());
     assert_eq!(lines(&part), 96);
     let merged = std::fs::read_to_string(out.join("merged.log")).unwrap();
     let merged: Value =
