@@ -235,37 +235,51 @@ mod row {
         };
     }
 
+    /// Runs instructions on rows, of which there is one at least, with the registers that all of them take. `c`
+    /// comes with the end of the floors, `d` with the bytes from the end of a row to the start of the next: both
+    /// wait on the stack while there are words in them.
+    macro_rules! run {
+        ($code:expr, $rows:expr, $excess:expr, $($registers:tt)*) => {{
+            let Rows { raw, stride, floor } = $rows;
+            let floors = floor.as_flattened().as_ptr_range();
+            // SAFETY: the instructions read the rows only, all of which `Block::rows` found in their slices,
+            // at their alignment. They write registers that are given here, the status flags, which count as
+            // changed, and two words of the stack, which they give back.
+            #[allow(unsafe_code)]
+            unsafe {
+                asm!($code,
+                    raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floors.start => _,
+                    excess = in(reg) $excess, $($registers)*,
+                    a = out(reg) _, b = out(reg) _, c = inout(reg) floors.end => _,
+                    d = inout(reg) stride.wrapping_sub(N).wrapping_mul(4) => _,
+                    options(readonly));
+            }
+        }};
+    }
+
+    /// Whether rows are of the kind that has instructions here.
+    #[inline(always)]
+    fn takes<const N: usize>(rows: &Rows<'_, N>) -> bool {
+        (N == 4 || N == 8) && rows.count() > 0
+    }
+
     /// See [`super::narrow_sums`].
     #[inline(always)]
     pub(super) fn narrow_sums<const N: usize>(rows: Rows<'_, N>, excess: u32) -> RowSums {
-        let Rows { raw, stride, floor } = rows;
-        let floors = floor.as_flattened().as_ptr_range();
-        if !(N == 4 || N == 8) || floor.is_empty() {
+        if !takes(&rows) {
             return word_sums::<N, false>(rows, excess);
         }
-        // Bytes from the end of a row to the start of the next.
-        let gap = stride.wrapping_sub(N).wrapping_mul(4);
         let (mut sum, mut places, mut running) = (0u32, 0u32, 0u32);
-        macro_rules! run {
-            ($code:expr) => {{
-                // SAFETY: as below.
-                #[allow(unsafe_code)]
-                unsafe {
-                    asm!($code,
-                        raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floors.start => _,
-                        excess = in(reg) excess, twos = in(reg) 2 * ONES,
-                        sum = inout(reg) sum, places = inout(reg) places,
-                        running = inout(reg) running, row = out(reg) _,
-                        a = out(reg) _, b = out(reg) _,
-                        c = inout(reg) floors.end => _, d = inout(reg) gap => _,
-                        options(readonly));
-                };
-            }};
+        macro_rules! add {
+            ($code:expr) => {
+                run!($code, rows, excess, twos = in(reg) 2 * ONES, sum = inout(reg) sum,
+                    places = inout(reg) places, running = inout(reg) running, row = out(reg) _)
+            };
         }
         if N == 8 {
-            run!(narrow_rows!(narrow!(), narrow!(), narrow!()));
+            add!(narrow_rows!(narrow!(), narrow!(), narrow!()));
         } else {
-            run!(narrow_rows!(narrow!()));
+            add!(narrow_rows!(narrow!()));
         }
         super::from_places::<N>(sum, places, running)
     }
@@ -276,40 +290,24 @@ mod row {
         rows: Rows<'_, N>,
         excess: u32,
     ) -> RowSums {
-        let Rows { raw, stride, floor } = rows;
-        let floors = floor.as_flattened().as_ptr_range();
-        if !(N == 4 || N == 8) || floor.is_empty() {
+        if !takes(&rows) {
             return word_sums::<N, FLIP>(rows, excess);
         }
-        // Bytes from the end of a row to the start of the next.
-        let gap = stride.wrapping_sub(N).wrapping_mul(4);
         let (mut sum, mut x, mut running) = (0u32, 0u32, 0u32);
-        macro_rules! run {
-            ($code:expr) => {{
-                // SAFETY: the instructions read the rows only, of which there is one at least and all
-                // of which `Rows::new` found in their slices, at their alignment. They write registers
-                // that are given here, the status flags, which count as changed, and two words of the
-                // stack, which they give back.
-                #[allow(unsafe_code)]
-                unsafe {
-                    asm!($code,
-                        raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floors.start => _,
-                        excess = in(reg) excess, ones = in(reg) ONES, weight = inout(reg) FIRST => _,
-                        sum = inout(reg) sum, x = inout(reg) x, running = inout(reg) running,
-                        a = out(reg) _, b = out(reg) _,
-                        c = inout(reg) floors.end => _, d = inout(reg) gap => _,
-                        options(readonly));
-                };
-            }};
+        macro_rules! add {
+            ($code:expr) => {
+                run!($code, rows, excess, ones = in(reg) ONES, weight = inout(reg) FIRST => _,
+                    sum = inout(reg) sum, x = inout(reg) x, running = inout(reg) running)
+            };
         }
         match (N, FLIP) {
-            (4, false) => run!(rows!("0x00100010", words!(""), words!(""))),
-            (4, true) => run!(rows!("0x00100010", words!(true), words!(true))),
+            (4, false) => add!(rows!("0x00100010", words!(""), words!(""))),
+            (4, true) => add!(rows!("0x00100010", words!(true), words!(true))),
             (_, false) => {
-                run!(rows!("0x00200020", words!(""), words!(""), words!(""), words!("")));
+                add!(rows!("0x00200020", words!(""), words!(""), words!(""), words!("")));
             }
             (_, true) => {
-                run!(rows!("0x00200020", words!(true), words!(true), words!(true), words!(true)));
+                add!(rows!("0x00200020", words!(true), words!(true), words!(true), words!(true)));
             }
         }
         RowSums { sum, x: x as i32, running }
