@@ -129,9 +129,9 @@ pub fn calibrated(
 
 /// With the slopes of each gate.
 fn with_slopes(reconstructor: Reconstructor, slopes: &[SlopeCalibration]) -> Reconstructor {
-    let mut gates = slopes.iter().cloned();
-    let reconstructor = gates.next().into_iter().fold(reconstructor, Reconstructor::with_slopes);
-    gates.next().into_iter().fold(reconstructor, Reconstructor::with_second_slopes)
+    let [first, second @ ..] = slopes else { return reconstructor };
+    let reconstructor = reconstructor.with_slopes(first.clone());
+    second.iter().cloned().fold(reconstructor, Reconstructor::with_second_slopes)
 }
 
 /// Reference slopes and gains with a flat wavefront, of each gate.

@@ -104,6 +104,37 @@ pub struct OutputArgs {
     pub json: bool,
 }
 
+/// What a run takes last whose screens are kept, and which has no noise.
+#[derive(Clone, Debug, Args)]
+pub struct KeptArgs {
+    /// Seed of turbulence
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub(crate) seed: u64,
+    /// Start even if it takes more than a day
+    #[arg(long)]
+    pub(crate) long: bool,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
+/// What an instrument with one gate is, of which the layers are held still.
+#[derive(Clone, Debug, Args)]
+pub struct StillArgs {
+    /// Instrument description (TOML), laid over the default one; its layers are held still
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+}
+
+impl StillArgs {
+    /// The instrument that is described, or the default one, under layers that stand still.
+    ///
+    /// # Errors
+    /// As [`Instrument::load`] and [`Instrument::of_one_gate`].
+    pub(crate) fn load(&self) -> Result<Instrument, Error> {
+        Ok(Instrument::described(self.config.as_deref())?.of_one_gate()?.frozen())
+    }
+}
+
 /// What the instrument is.
 #[derive(Clone, Debug, Args)]
 pub struct DescriptionArgs {
@@ -242,6 +273,11 @@ fn between(text: &str, from: f64, to: f64) -> Result<f64, String> {
         Ok(value) if value >= from && value <= to => Ok(value),
         _ => Err(format!("must be a number from {from} to {to}")),
     }
+}
+
+/// What `--screens` takes where their scatter is an error.
+pub(crate) fn screens() -> RangedI64ValueParser<u32> {
+    RangedI64ValueParser::new().range(2..=10_000_000)
 }
 
 /// What `--n` takes.

@@ -97,9 +97,7 @@ pub struct ClosedLoop<'a> {
 enum Eye {
     Images(Box<Imager>),
     Gradients {
-        sensor: Box<GeometricSensor>,
-        second: Option<Box<GeometricSensor>>,
-        centroids: Vec<[f64; 2]>,
+        sensor: TruthSensor,
         lighting: Lighting,
         /// What the measurement of each lit spot claims, one gate after the other.
         fluxes: Vec<u32>,
@@ -156,14 +154,15 @@ impl<'a> ClosedLoop<'a> {
                 Eye::Images(Imager::new(reconstructor, run.sensor, &pupil, &atmosphere)?.into())
             }
             Sensing::Geometric => Eye::Gradients {
-                sensor: gradients(instrument, run.sensor, &pupil, &atmosphere)?.into(),
-                second: match two_gates {
-                    true => Some(gate_gradients(instrument, &pupil, &atmosphere)?.into()),
-                    false => None,
-                },
-                centroids: vec![[0.0; 2]; spots],
+                sensor: TruthSensor::new(
+                    instrument,
+                    reconstructor,
+                    run.sensor,
+                    &pupil,
+                    &atmosphere,
+                )?,
                 lighting: reconstructor.lighting().clone(),
-                fluxes: reconstructor.nominal_fluxes()?,
+                fluxes: reconstructor.nominal_fluxes(),
             },
         };
         let (sensing_m, science_m) =
@@ -208,16 +207,15 @@ impl<'a> ClosedLoop<'a> {
                     rayon::join(star, || imager.expose(atmosphere, time_s, mirror, noise));
                 (observation, board.frame(frame, Frame::Pixels(pixels?))?)
             }
-            Eye::Gradients { sensor, second, centroids, lighting, fluxes } => {
+            Eye::Gradients { sensor, lighting, fluxes } => {
                 let observation = star();
-                let mut measurements: Vec<Measurement> = Vec::new();
-                let gates = [Some(sensor), second.as_mut()].into_iter().flatten();
-                for (gate, fluxes) in gates.zip(fluxes.chunks(centroids.len())) {
-                    gate.centroids(atmosphere, time_s, mirror, centroids);
-                    let flux = |i| if lighting.lights(frame, i) { fluxes[i] } else { 0 };
-                    let measured = centroids.iter().enumerate();
-                    measurements.extend(measured.map(|(i, c)| measurement(*c, flux(i))));
-                }
+                let spots = mirror.segments.len();
+                let seen = sensor.look(atmosphere, time_s, mirror).iter().zip(fluxes).enumerate();
+                let measured = seen.map(|(window, (centroid, flux))| {
+                    let lit = lighting.lights(frame, window % spots);
+                    measurement(*centroid, if lit { *flux } else { 0 })
+                });
+                let measurements: Vec<Measurement> = measured.collect();
                 (observation, board.frame(frame, Frame::Measurements(&measurements))?)
             }
         };
@@ -290,56 +288,53 @@ impl<'a> ClosedLoop<'a> {
         reconstructor: &Reconstructor,
     ) -> Result<TruthSensor, Error> {
         let (pupil, atmosphere) = (&self.pupil, &self.atmosphere);
-        let mut gates = vec![gradients(instrument, self.run.sensor, pupil, atmosphere)?];
-        if reconstructor.law().is_some() {
-            gates.push(gate_gradients(instrument, pupil, atmosphere)?);
-        }
-        let windows = gates.len() * pupil.subapertures().len();
-        Ok(TruthSensor { gates, centroids: vec![[0.0; 2]; windows] })
+        TruthSensor::new(instrument, reconstructor, self.run.sensor, pupil, atmosphere)
     }
 
     /// Measures with `sensor` what the next step's frame will show.
     pub fn look<'s>(&self, sensor: &'s mut TruthSensor) -> &'s [[f64; 2]] {
         let time_s = f64::from(self.frame) * self.frame_s;
-        let TruthSensor { gates, centroids } = sensor;
-        let each = centroids.chunks_exact_mut(self.pupil.subapertures().len());
-        for (gate, centroids) in gates.iter_mut().zip(each) {
-            gate.centroids(&self.atmosphere, time_s, &self.mirror, centroids);
-        }
-        centroids
+        sensor.look(&self.atmosphere, time_s, &self.mirror)
     }
 }
 
-/// Geometric sensors beside the one in the loop.
+/// Exact centroids of all windows: a geometric sensor a gate.
 pub struct TruthSensor {
     gates: Vec<GeometricSensor>,
     centroids: Vec<[f64; 2]>,
 }
 
-/// The exact sensor of the first gate.
-fn gradients(
-    instrument: &Instrument,
-    sensor: Sensor,
-    pupil: &Pupil,
-    atmosphere: &Atmosphere,
-) -> Result<GeometricSensor, Error> {
-    let height_m = instrument.laser.beacon_height_m;
-    let scale = instrument.windows.pixels_per_lambda_d;
-    let sensor = GeometricSensor::new(sensor, pupil, atmosphere, height_m, scale)?;
-    Ok(sensor.with_launch(instrument.launch()))
-}
+impl TruthSensor {
+    fn new(
+        instrument: &Instrument,
+        reconstructor: &Reconstructor,
+        sensor: Sensor,
+        pupil: &Pupil,
+        atmosphere: &Atmosphere,
+    ) -> Result<Self, Error> {
+        let gradients = |pixels_per_lambda_d| {
+            let height_m = instrument.laser.beacon_height_m;
+            let sensor =
+                GeometricSensor::new(sensor, pupil, atmosphere, height_m, pixels_per_lambda_d)?;
+            Ok::<_, Error>(sensor.with_launch(instrument.launch()))
+        };
+        let mut gates = vec![gradients(instrument.windows.pixels_per_lambda_d)?];
+        if reconstructor.law().is_some() {
+            let second = gradients(instrument.gate_pixels_per_lambda_d())?;
+            gates.push(second.with_gate(instrument.second_gate.height_m)?);
+        }
+        let windows = gates.len() * pupil.subapertures().len();
+        Ok(Self { gates, centroids: vec![[0.0; 2]; windows] })
+    }
 
-/// The exact sensor of the second one.
-fn gate_gradients(
-    instrument: &Instrument,
-    pupil: &Pupil,
-    atmosphere: &Atmosphere,
-) -> Result<GeometricSensor, Error> {
-    let height_m = instrument.laser.beacon_height_m;
-    let scale = instrument.gate_pixels_per_lambda_d();
-    let sensor = GeometricSensor::new(Sensor::Splash, pupil, atmosphere, height_m, scale)?;
-    let sensor = sensor.with_gate(instrument.second_gate.height_m)?;
-    Ok(sensor.with_launch(instrument.launch()))
+    /// What there is to see at `time_s` with `mirror`.
+    fn look(&mut self, atmosphere: &Atmosphere, time_s: f64, mirror: &Mirror) -> &[[f64; 2]] {
+        let each = self.centroids.chunks_exact_mut(mirror.segments.len());
+        for (gate, centroids) in self.gates.iter_mut().zip(each) {
+            gate.centroids(atmosphere, time_s, mirror, centroids);
+        }
+        &self.centroids
+    }
 }
 
 /// A noiseless measurement of a centroid, pixels, with the flux of a spot.

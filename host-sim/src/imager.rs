@@ -5,6 +5,7 @@ use crate::detector::{Detector, place};
 use crate::error::Error;
 use crate::lighting::Lighting;
 use crate::optics::camera::Camera;
+use crate::optics::gate_image::GateCamera;
 use crate::optics::geometric::Sensor;
 use crate::pupil::{Mirror, Pupil};
 use crate::reconstructor::Reconstructor;
@@ -71,14 +72,14 @@ impl Imager {
             .with_launch(instrument.launch())
             .with_slab(instrument.slab()?, atmosphere)?;
         let mut views = vec![View::new(camera, reconstructor.origins().iter().map(origin), 1.0)];
-        if let Some(origins) = reconstructor.second_origins()
-            && let Some(gate) = instrument.gate()?
+        if let (Some(origins), Some(light), Some(gate)) =
+            (reconstructor.second_origins(), reconstructor.second_light(), instrument.gate()?)
         {
             let (scale, size) = (instrument.gate_pixels_per_lambda_d(), instrument.windows.size);
-            let camera = Camera::at_gate(pupil, atmosphere, &gate, scale, size)?
+            let camera = GateCamera::new(pupil, atmosphere, &gate, scale, size)?
                 .with_launch(instrument.launch());
             let origins = origins.iter().map(|window| window.map(usize::from));
-            views.push(View::new(camera, origins, instrument.gate_light()?));
+            views.push(View::new(Camera::SecondGate(camera.into()), origins, light));
         }
         let detector = reconstructor.detector().clone();
         let pixels = detector.spec().width * detector.spec().height;

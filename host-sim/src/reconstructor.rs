@@ -54,6 +54,8 @@ struct SecondGate {
     law: Combination,
     origins: Vec<[u16; 2]>,
     slopes: SlopeCalibration,
+    /// A spot's light over its light at the first gate.
+    light: f64,
     /// Least and greatest flux of each subaperture's valid measurements, calibrated ADU.
     flux_limits_adu: [Vec<f64>; 2],
 }
@@ -131,6 +133,7 @@ impl Reconstructor {
         let side = instrument.detector_side();
         let second = SecondGate {
             law,
+            light,
             // At most 4096 rows: both fit in 16 bits.
             origins: self.origins.iter().map(|&[x, y]| [x, y + side as u16]).collect(),
             slopes: SlopeCalibration::ideal_at_gate(instrument, self.mask.count()),
@@ -173,6 +176,11 @@ impl Reconstructor {
     /// Those of the second gate; `None` for one.
     pub fn second_origins(&self) -> Option<&[[u16; 2]]> {
         self.second.as_ref().map(|second| second.origins.as_slice())
+    }
+
+    /// A spot's light at the second gate over its light at the first; `None` for one.
+    pub fn second_light(&self) -> Option<f64> {
+        self.second.as_ref().map(|second| second.light)
     }
 
     /// The mask of subapertures.
@@ -225,20 +233,13 @@ impl Reconstructor {
 
     /// The flux of each whole spot in the frames that light it, calibrated ADU, one gate after the other: what a
     /// measurement made without images claims.
-    ///
-    /// # Errors
-    /// As [`Reconstructor::with_second_gate`].
-    pub fn nominal_fluxes(&self) -> Result<Vec<u32>, Error> {
+    pub fn nominal_fluxes(&self) -> Vec<u32> {
         let gain = self.instrument.detector.gain_e_per_adu;
-        let gates = match self.second {
-            Some(_) => vec![1.0, self.instrument.gate_light()?],
-            None => vec![1.0],
-        };
         let of_gate = |light: f64| {
             let spots = self.lighting.electrons_per_spot();
             spots.map(move |electrons| (light * electrons / gain) as u32)
         };
-        Ok(gates.into_iter().flat_map(of_gate).collect())
+        [Some(1.0), self.second_light()].into_iter().flatten().flat_map(of_gate).collect()
     }
 
     /// The firmware's specification.

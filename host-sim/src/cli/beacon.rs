@@ -1,6 +1,6 @@
 //! Arguments of the studies of beacons and beams.
 
-use super::{DescriptionArgs, OutputArgs, subapertures};
+use super::{DescriptionArgs, KeptArgs, OutputArgs, screens, subapertures};
 use clap::{Args, ValueEnum, value_parser};
 
 /// A kind of beacon.
@@ -55,7 +55,7 @@ pub struct PowerArgs {
         long,
         value_name = "SCREENS",
         default_value_t = 12,
-        value_parser = value_parser!(u32).range(2..=10_000_000),
+        value_parser = screens(),
         allow_negative_numbers = true
     )]
     pub(crate) screens: u32,
@@ -112,16 +112,10 @@ pub struct BeamArgs {
         long,
         value_name = "SCREENS",
         default_value_t = 12,
-        value_parser = value_parser!(u32).range(2..=10_000_000),
+        value_parser = screens(),
         allow_negative_numbers = true
     )]
     pub(crate) screens: u32,
-    /// Seed of turbulence
-    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
-    pub(crate) seed: u64,
-    /// Start even if it takes more than a day
-    #[arg(long)]
-    pub(crate) long: bool,
     #[command(flatten)]
-    pub(crate) output: OutputArgs,
+    pub(crate) kept: KeptArgs,
 }

@@ -1,8 +1,7 @@
 //! The arguments of `host-sim reproduce`.
 
-use super::{OutputArgs, subapertures};
-use clap::{Args, value_parser};
-use std::path::PathBuf;
+use super::{KeptArgs, StillArgs, screens, subapertures};
+use clap::Args;
 
 /// `host-sim reproduce`.
 ///
@@ -17,9 +16,8 @@ pub struct ReproduceArgs {
     /// 150 screens for N up to 12, 50 for 16
     #[arg(long)]
     pub(crate) full: bool,
-    /// Instrument description (TOML), laid over the default one; its layers are held still
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) description: StillArgs,
     /// Subapertures across the pupil, of the same size, 4 to 40
     #[arg(
         long,
@@ -34,16 +32,10 @@ pub struct ReproduceArgs {
     #[arg(
         long,
         value_name = "SCREENS",
-        value_parser = value_parser!(u32).range(2..=10_000_000),
+        value_parser = screens(),
         allow_negative_numbers = true
     )]
     pub(crate) screens: Option<u32>,
-    /// Seed of turbulence
-    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
-    pub(crate) seed: u64,
-    /// Start even if it takes more than a day
-    #[arg(long)]
-    pub(crate) long: bool,
     #[command(flatten)]
-    pub(crate) output: OutputArgs,
+    pub(crate) kept: KeptArgs,
 }

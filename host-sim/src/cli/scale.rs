@@ -1,9 +1,8 @@
 //! The arguments of `host-sim scale`.
 
-use super::OutputArgs;
+use super::{KeptArgs, StillArgs, screens};
 use crate::instrument::LeverArm;
-use clap::{Args, value_parser};
-use std::path::PathBuf;
+use clap::Args;
 
 /// `host-sim scale`.
 ///
@@ -14,9 +13,8 @@ use std::path::PathBuf;
 /// paired. A screen that is finished is kept and not run again.
 #[derive(Clone, Debug, Args)]
 pub struct ScaleArgs {
-    /// Instrument description (TOML), laid over the default one; its layers are held still
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) description: StillArgs,
     /// Subapertures across the pupil, of the same size, 4 to 128: by exact gradients
     #[arg(
         long,
@@ -42,7 +40,7 @@ pub struct ScaleArgs {
     #[arg(
         long,
         value_name = "SCREENS",
-        value_parser = value_parser!(u32).range(2..=10_000_000),
+        value_parser = screens(),
         allow_negative_numbers = true
     )]
     pub(crate) screens: Option<u32>,
@@ -50,16 +48,10 @@ pub struct ScaleArgs {
     #[arg(
         long,
         value_name = "SCREENS",
-        value_parser = value_parser!(u32).range(2..=10_000_000),
+        value_parser = screens(),
         allow_negative_numbers = true
     )]
     pub(crate) image_screens: Option<u32>,
-    /// Seed of turbulence
-    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
-    pub(crate) seed: u64,
-    /// Start even if it takes more than a day
-    #[arg(long)]
-    pub(crate) long: bool,
     #[command(flatten)]
-    pub(crate) output: OutputArgs,
+    pub(crate) kept: KeptArgs,
 }

@@ -75,11 +75,11 @@ pub fn run(args: &BeamArgs) -> Result<(), Error> {
             points.push((point(args, &description, pitch, waist)?, args.screens));
         }
     }
-    let directory = output::directory(args.output.out.as_deref(), "beam")?;
+    let directory = output::directory(args.kept.output.out.as_deref(), "beam")?;
     let _lock = Lock::take(&directory, "host-sim beam")?;
     let sensors = [Comparator::Splash, Comparator::Fit];
     let mut campaign = Campaign::open(&directory, points, &sensors, false)?;
-    let estimate = campaign.estimate(args.long)?;
+    let estimate = campaign.estimate(args.kept.long)?;
     campaign.run()?;
     let beams = waists.len() + 1;
     let rows = campaign.tasks.chunks(beams).zip(&pitches);
@@ -88,12 +88,12 @@ pub fn run(args: &BeamArgs) -> Result<(), Error> {
     let first = &campaign.tasks[0];
     let result = BeamResult { n: first.point.n(), screens: args.screens, points: points.collect() };
     write_csv(&directory.join("beam.csv"), &result)?;
-    write_fits(&directory.join("beam.fits"), &campaign, beams, args.seed)?;
+    write_fits(&directory.join("beam.fits"), &campaign, beams, args.kept.seed)?;
     draw(&directory.join("beam.svg"), &result, beams, &waists)?;
     let mut table: Vec<(&str, String)> = result.points.iter().map(row).collect();
     table.push(("screens", format!("{}, {}", args.screens, campaign.conditions())));
     table.push(("estimate", estimate));
-    output::finish(&args.output, start, &directory, &result, table)
+    output::finish(&args.kept.output, start, &directory, &result, table)
 }
 
 /// The point of a pitch in r0 with a waist, or with the uniform beam.
@@ -122,7 +122,7 @@ fn point(
         noise_free: true,
         settle: SETTLE,
         frames: STATIC_FRAMES,
-        seed: args.seed,
+        seed: args.kept.seed,
     };
     Point::new(&instrument, instrument.telescope.subapertures, conditions)
 }

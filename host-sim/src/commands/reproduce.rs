@@ -12,7 +12,6 @@ use crate::cli::ReproduceArgs;
 use crate::closed_loop::Sensing;
 use crate::error::Error;
 use crate::files::lock::Lock;
-use crate::instrument::Instrument;
 use crate::monte_carlo::comparator::Comparator;
 use crate::monte_carlo::point::{Conditions, Point};
 use serde::Serialize;
@@ -47,15 +46,15 @@ struct ReproduceResult {
 pub fn run(args: &ReproduceArgs) -> Result<(), Error> {
     let start = Instant::now();
     let points = points(args)?;
-    let directory = output::directory(args.output.out.as_deref(), "reproduce")?;
+    let directory = output::directory(args.kept.output.out.as_deref(), "reproduce")?;
     let _lock = Lock::take(&directory, "host-sim reproduce")?;
     let mut campaign = Campaign::open(&directory, points, &Comparator::ALL, true)?;
-    let estimate = campaign.estimate(args.long)?;
+    let estimate = campaign.estimate(args.kept.long)?;
     progress::say(&format!("{}: about {estimate}", campaign.asked()));
     let (theory, theory_files) = theory::paper(&directory)?;
     campaign.run()?;
     let strehl = results::gather(&campaign);
-    let mut files = results::write(&directory, &campaign, &strehl, args.seed)?;
+    let mut files = results::write(&directory, &campaign, &strehl, args.kept.seed)?;
     files.extend(theory_files);
     files.sort_unstable();
     let page = page::page(&directory, &campaign, &theory, &strehl, &files)?;
@@ -70,20 +69,19 @@ pub fn run(args: &ReproduceArgs) -> Result<(), Error> {
     table.push(("page", page.clone()));
     let files = files.into_iter().map(String::from).collect();
     let directory = directory.display().to_string();
-    let result = ReproduceResult { directory, page, files, seed: args.seed, theory, strehl };
-    output::report(args.output.json, &result, &table)
+    let result = ReproduceResult { directory, page, files, seed: args.kept.seed, theory, strehl };
+    output::report(args.kept.output.json, &result, &table)
 }
 
 /// The sizes of pupil by increasing N, each once, under skies that stand still and with images that have no noise.
 fn points(args: &ReproduceArgs) -> Result<Vec<(Point, u32)>, Error> {
-    let described = Instrument::described(args.config.as_deref())?;
-    let description = described.of_one_gate()?.with_whole_spots().frozen();
+    let description = args.description.load()?.with_whole_spots();
     let conditions = Conditions {
         sensing: Sensing::Images,
         noise_free: true,
         settle: SETTLE,
         frames: STATIC_FRAMES,
-        seed: args.seed,
+        seed: args.kept.seed,
     };
     let screens = |n: usize| {
         args.screens.unwrap_or(match (args.full, n) {

@@ -18,16 +18,16 @@ use std::time::Instant;
 pub fn run(args: &ScaleArgs) -> Result<(), Error> {
     let start = Instant::now();
     let Plan { points, curves } = Plan::new(args)?;
-    let directory = output::directory(args.output.out.as_deref(), "scale")?;
+    let directory = output::directory(args.kept.output.out.as_deref(), "scale")?;
     let _lock = Lock::take(&directory, "host-sim scale")?;
     let mut campaign = Campaign::of_cases(&directory, points)?;
-    let estimate = campaign.estimate(args.long)?;
+    let estimate = campaign.estimate(args.kept.long)?;
     progress::say(&format!("{}: about {estimate}", campaign.asked()));
     campaign.run()?;
     let result = results::gather(&campaign, &curves);
-    results::write(&directory, &campaign, &curves, &result, args.seed)?;
+    results::write(&directory, &campaign, &curves, &result, args.kept.seed)?;
     let mut table = results::table(&result);
-    table.push(("screens", format!("{}, frozen, seed {}", campaign.screens(), args.seed)));
+    table.push(("screens", format!("{}, frozen, seed {}", campaign.screens(), args.kept.seed)));
     table.push(("estimate", estimate));
-    output::finish(&args.output, start, &directory, &result, table)
+    output::finish(&args.kept.output, start, &directory, &result, table)
 }

@@ -1,6 +1,6 @@
 //! The second gate of an instrument: its slab, its light, its pixels.
 
-use super::limits::within;
+use super::limits::{MAX_DETECTOR_SIDE, within};
 use super::{Instrument, LayoutName, SecondGate};
 use crate::beacon::{Kind, Link, Scatterer};
 use crate::error::{Error, refuse};
@@ -28,9 +28,11 @@ impl Instrument {
             return Ok(None);
         }
         let SecondGate { height_m, depth_m, .. } = self.second_gate;
-        // The whole telescope's depth of focus is that much less below the beacon.
-        let slices = self.laser.slices.max(self.slices_needed(height_m, depth_m));
-        let slices = if self.laser.slices == 1 { 1 } else { slices };
+        let slices = match self.laser.slices {
+            1 => 1,
+            // The whole telescope's depth of focus is less here than at the beacon.
+            count => count.max(self.slices_needed(height_m, depth_m)),
+        };
         Ok(Some(Gate {
             focus_m: self.laser.beacon_height_m,
             height_m,
@@ -116,12 +118,8 @@ impl Instrument {
             let limit = "\"relayed\" with a second gate, whose spots have other distances";
             return Err(refuse("windows.layout", "\"sky\"", limit));
         }
-        within(
-            "second_gate: rows of the detector",
-            2.0 * self.detector_side() as f64,
-            1.0,
-            4096.0,
-        )?;
+        let (rows, most) = (2 * self.detector_side(), MAX_DETECTOR_SIDE);
+        within("second_gate: rows of the detector", rows as f64, 1.0, most as f64)?;
         let spacing = self.gate_spacing_lambda_d();
         if spacing > MOST_LAMBDA_D {
             let limit = format!(

@@ -1,7 +1,7 @@
 //! The camera of any sensor.
 
 use super::OpticsError;
-use super::gate_image::{Gate, GateCamera};
+use super::gate_image::GateCamera;
 use super::geometric::Sensor;
 use super::launch::Launch;
 use super::slab::Slab;
@@ -47,21 +47,6 @@ impl Camera {
             Sensor::Lgs => Self::Subapertures(of_guide_star(Some(beacon_height_m))?.into()),
             Sensor::Ngs => Self::Subapertures(of_guide_star(None)?.into()),
         })
-    }
-
-    /// The camera of a second gate: [`GateCamera::new`].
-    ///
-    /// # Errors
-    /// As there.
-    pub fn at_gate(
-        pupil: &Pupil,
-        atmosphere: &Atmosphere,
-        gate: &Gate,
-        pixels_per_lambda_d: f64,
-        window: usize,
-    ) -> Result<Self, OpticsError> {
-        let camera = GateCamera::new(pupil, atmosphere, gate, pixels_per_lambda_d, window)?;
-        Ok(Self::SecondGate(camera.into()))
     }
 
     /// The same camera with beams of this shape; guide stars have none of them.

@@ -34,6 +34,14 @@ pub(crate) struct FocalPlaneScratch {
     line: Vec<f32>,
 }
 
+/// Refuses windows that the firmware does not take.
+pub(crate) fn check_window(window: usize) -> Result<(), OpticsError> {
+    match (4..=32).contains(&window) {
+        true => Ok(()),
+        false => Err(OpticsError::range("window", window as f64, "4 to 32 pixels")),
+    }
+}
+
 impl FocalPlane {
     /// A window of `window` x `window` pixels (4 to 32), `pixels_per_lambda_d` of them in lambda/d (1
     /// to 8), no wider than the image's period.
@@ -42,9 +50,7 @@ impl FocalPlane {
         window: usize,
         pixels_per_lambda_d: f64,
     ) -> Result<Self, OpticsError> {
-        if !(4..=32).contains(&window) {
-            return Err(OpticsError::range("window", window as f64, "4 to 32 pixels"));
-        }
+        check_window(window)?;
         if !(1.0..=8.0).contains(&pixels_per_lambda_d) {
             return Err(OpticsError::range("pixels_per_lambda_d", pixels_per_lambda_d, "1 to 8"));
         }

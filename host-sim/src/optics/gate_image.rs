@@ -19,7 +19,7 @@
 //! exp(-i k e' (x - x_i).l) over the pupil.
 
 use super::OpticsError;
-use super::focal_plane::{FocalPlane, Image};
+use super::focal_plane::{FocalPlane, Image, check_window};
 use super::geometric::{GeometricSensor, Sensor};
 use super::launch::Launch;
 use super::otf::Lags;
@@ -130,9 +130,7 @@ impl GateCamera {
         check_geometry(pupil, atmosphere, Some(focus_m))?;
         super::error::positive("pixels_per_lambda_d", pixels_per_lambda_d)?;
         super::error::positive("wavelength_m", wavelength_m)?;
-        if !(4..=32).contains(&window) {
-            return Err(OpticsError::range("window", window as f64, "4 to 32 pixels"));
-        }
+        check_window(window)?;
         let way_back =
             GeometricSensor::new(Sensor::Splash, pupil, atmosphere, focus_m, pixels_per_lambda_d)?
                 .with_gate(gate_m)?;
@@ -145,7 +143,7 @@ impl GateCamera {
         }
         let pitch_m = pupil.pitch_m();
         let curvature = PI / wavelength_m * (1.0 / gate_m - 1.0 / focus_m);
-        let place_m = |k: usize| ((k as f64 + 0.5) / samples as f64 - 0.5) * pitch_m;
+        let place_m = |k: usize| from_centre(k, samples) * pitch_m;
         let mut planner = FftPlanner::new();
         Ok(Self {
             focus_m,
@@ -237,9 +235,8 @@ impl GateCamera {
                 let centre_m = pupil.centre_m(index);
                 let path = Path::Beacon { height_m: self.focus_m, position_m: [centre_m; 2] };
                 let (scale, shift) = path.through(flow.height_m);
-                let place_m =
-                    |k: usize| ((k as f64 + 0.5) / samples as f64 - 0.5) * pupil.pitch_m();
-                let at_layer = |k| scale * (centre_m + place_m(k)) + shift[axis];
+                let place_m = |k| centre_m + from_centre(k, samples) * pupil.pitch_m();
+                let at_layer = |k| scale * place_m(k) + shift[axis];
                 footprint.taps(axis, (0..samples).map(at_layer))
             };
             let texels = footprint.side();
@@ -270,8 +267,8 @@ impl GateCamera {
     ) {
         let (n, coarse) = (self.samples, self.pupil.samples());
         let [ix, iy] = self.pupil.subapertures()[spot];
-        // From a segment's centre to its edge.
-        let edge = |k: usize| (2.0 * k as f64 + 1.0) / n as f64 - 1.0;
+        // A segment's tip is the phase at its edge.
+        let edge = |k: usize| 2.0 * from_centre(k, n);
         let along_x: Vec<f32> = (0..n).map(|k| self.defocus[k] - (tip * edge(k)) as f32).collect();
         // The pupil's sample that covers one of these.
         let of_pupil = |index: usize, k: usize| index * coarse + k * coarse / n;
@@ -334,6 +331,11 @@ impl GateCamera {
             (*re, *im) = (value.re, value.im);
         });
     }
+}
+
+/// Where one of so many samples is, subapertures from the centre of its own.
+fn from_centre(k: usize, samples: usize) -> f64 {
+    (k as f64 + 0.5) / samples as f64 - 0.5
 }
 
 /// exp(i g l) for the lags l = -(n-1) .. n-1 of a gradient g, rad per subaperture.

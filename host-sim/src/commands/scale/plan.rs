@@ -52,8 +52,7 @@ impl Plan {
     /// # Errors
     /// [`Error::Config`] with field, value and limit.
     pub(super) fn new(args: &ScaleArgs) -> Result<Self, Error> {
-        let described = Instrument::described(args.config.as_deref())?;
-        let description = described.of_one_gate()?.frozen();
+        let description = args.description.load()?;
         let laws = once([PLAIN].into_iter().chain(args.lever_arm.iter().copied()));
         let across = increasing(&args.n, Ord::cmp);
         let with_images = args.images.as_deref().unwrap_or(&IMAGES);
@@ -64,7 +63,7 @@ impl Plan {
         let mut plan = Self { points: Vec::new(), curves: Vec::new() };
         for n in across {
             let screens = args.screens.unwrap_or_else(|| for_size(&SCREENS, n));
-            let maker = Maker { description: &description, n, seed: args.seed };
+            let maker = Maker { description: &description, n, seed: args.kept.seed };
             plan.gradients(maker, &laws, screens)?;
             if with_images.contains(&n) {
                 let images = args.image_screens.unwrap_or_else(|| for_size(&IMAGE_SCREENS, n));
