@@ -7,11 +7,13 @@
 //! | stream | of a frame |
 //! |---|---|
 //! | frames | report, residual, mode, fault, time stamp, gate stamp, configuration, cycles, sum of squared tilts |
-//! | slopes | tip and tilt, validity, of each subaperture |
+//! | slopes | tip and tilt, validity, of each window |
 //! | commands | piston, tip and tilt of each segment after all limits |
 //! | codes | DAC codes of each segment's actuators |
-//! | fluxes | centroid, flux, peak, saturated pixels of each subaperture |
+//! | fluxes | centroid, flux, peak, saturated pixels of each window |
 //! | faults | each, as it is booked, of a frame or not: with every subscription but to nothing |
+//!
+//! A subaperture has one window; with a second gate another, and those come behind all of the first's.
 
 use crate::centroid::Measurement;
 use crate::controller::FrameResult;
@@ -70,13 +72,13 @@ pub struct FrameRecord {
 pub enum Record {
     /// A frame.
     Frame(FrameRecord),
-    /// Slopes from subaperture `first` on.
+    /// Slopes from window `first` on.
     Slopes {
         /// The frame's number.
         frame: u32,
-        /// Subaperture of the first.
+        /// Window of the first.
         first: u16,
-        /// In mask order.
+        /// In mask order, gate by gate.
         items: List<Slope>,
     },
     /// Positions from subaperture `first` on.
@@ -97,13 +99,13 @@ pub enum Record {
         /// In mask order.
         items: List<[u16; ACTUATORS]>,
     },
-    /// Measurements from subaperture `first` on.
+    /// Measurements from window `first` on.
     Fluxes {
         /// The frame's number.
         frame: u32,
-        /// Subaperture of the first.
+        /// Window of the first.
         first: u16,
-        /// In mask order.
+        /// In mask order, gate by gate.
         items: List<Measurement>,
     },
     /// A fault.
@@ -152,9 +154,8 @@ impl Decimation {
     /// As much as a link of so many bytes a second carries with half of its rate, the streams with a
     /// fifth of that each. Nothing on a link that cannot carry a byte for each.
     #[must_use]
-    pub fn for_link(bytes_per_s: u32, frame_ns: u64, subapertures: usize) -> Self {
+    pub fn for_link(bytes_per_s: u32, frame_ns: u64, subapertures: usize, windows: usize) -> Self {
         let share = u64::from(bytes_per_s) / (2 * WITH_FRAMES as u64);
-        let pieces = subapertures.div_ceil(LIST) as u64;
         let every = |bytes: u64| {
             let ns = bytes.saturating_mul(1_000_000_000);
             match share.saturating_mul(frame_ns) {
@@ -162,9 +163,17 @@ impl Decimation {
                 carried => u32::try_from(ns.div_ceil(carried)).unwrap_or(u32::MAX).max(1),
             }
         };
-        let list = |item| every(pieces * PIECE_BYTES + subapertures as u64 * item);
-        let [slopes, commands, codes, fluxes] = ITEM_BYTES.map(list);
-        Self { frames: every(FRAME_BYTES), slopes, commands, codes, fluxes }
+        let list = |items: usize, item| {
+            every(items.div_ceil(LIST) as u64 * PIECE_BYTES + items as u64 * item)
+        };
+        let [slope, command, code, flux] = ITEM_BYTES;
+        Self {
+            frames: every(FRAME_BYTES),
+            slopes: list(windows, slope),
+            commands: list(subapertures, command),
+            codes: list(subapertures, code),
+            fluxes: list(windows, flux),
+        }
     }
 }
 
@@ -243,7 +252,11 @@ impl<const R: usize> Ring<R> {
             }));
         }
         if due(slopes) {
-            self.list(pipeline.slopes(), |first, items| Record::Slopes { frame, first, items });
+            self.list(pipeline.window_slopes(), |first, items| Record::Slopes {
+                frame,
+                first,
+                items,
+            });
         }
         if due(commands) {
             let positions = pipeline.positions();
@@ -253,7 +266,7 @@ impl<const R: usize> Ring<R> {
             self.list(pipeline.codes(), |first, items| Record::Codes { frame, first, items });
         }
         if due(fluxes) {
-            let measurements = pipeline.measurements();
+            let measurements = pipeline.window_measurements();
             self.list(measurements, |first, items| Record::Fluxes { frame, first, items });
         }
     }

@@ -206,8 +206,15 @@ fn on_sky(
 }
 
 /// Centre-to-edge optical path of a tilt that moves a spot by one pixel, m.
-pub(crate) fn path_m_per_px(instrument: &Instrument) -> f64 {
+fn path_m_per_px(instrument: &Instrument) -> f64 {
     instrument.laser.wavelength_m / (2.0 * instrument.windows.pixels_per_lambda_d)
+}
+
+/// The same at each gate of a reconstructor.
+pub(crate) fn paths_m_per_px(reconstructor: &Reconstructor) -> Vec<f64> {
+    let instrument = reconstructor.instrument();
+    let second = reconstructor.law().map(|_| gate_path_m_per_px(instrument));
+    [Some(path_m_per_px(instrument)), second].into_iter().flatten().collect()
 }
 
 /// The same at the second gate.
@@ -251,7 +258,6 @@ impl<'a> Bench<'a> {
         let pupil = instrument.pupil()?;
         let imager = Imager::new(reconstructor, sensor, &pupil, sky)?;
         let board = in_process(&reconstructor.spec())?;
-        let second = reconstructor.law().map(|_| gate_path_m_per_px(instrument));
         Ok(Self {
             sensor,
             pupil,
@@ -259,10 +265,7 @@ impl<'a> Bench<'a> {
             imager,
             board,
             frames: reconstructor.lighting().count(),
-            paths_m_per_px: [Some(path_m_per_px(instrument)), second]
-                .into_iter()
-                .flatten()
-                .collect(),
+            paths_m_per_px: paths_m_per_px(reconstructor),
             rad_per_m: instrument.rad_per_m(),
         })
     }

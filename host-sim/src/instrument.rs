@@ -332,7 +332,7 @@ impl Instrument {
         match self.has_second_gate() {
             false => Ok(self),
             true => {
-                let limit = "0 here; two gates are for host-sim gates, loop, frames, replay and strehl by images";
+                let limit = "0 here; two gates are for host-sim gates, loop, frames, replay, link and strehl by images";
                 Err(refuse("second_gate.height_m", self.second_gate.height_m, limit))
             }
         }

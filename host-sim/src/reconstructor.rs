@@ -195,10 +195,19 @@ impl Reconstructor {
         Self { dark_adu, gain, noise_adu, bad, ..self }
     }
 
-    /// With each subaperture's window there.
+    /// With each subaperture's window at the first gate there.
     #[must_use]
     pub fn with_origins(self, origins: Vec<[u16; 2]>) -> Self {
         Self { origins, ..self }
+    }
+
+    /// With each window of the second gate there, if there is one.
+    #[must_use]
+    pub fn with_second_origins(mut self, origins: Vec<[u16; 2]>) -> Self {
+        if let Some(second) = &mut self.second {
+            second.origins = origins;
+        }
+        self
     }
 
     /// With these reference slopes and gains.

@@ -4,6 +4,7 @@
 use host_sim::files::fits::FitsReader;
 use host_sim::instrument::Instrument;
 use host_sim::link::light::{Light, Scene, Simulated};
+use host_sim::reconstructor::Reconstructor;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use serde_json::Value;
@@ -30,6 +31,12 @@ const OWN: u16 = u16::MAX;
 fn small(directory: &Path) -> PathBuf {
     let file = directory.join("small.toml");
     std::fs::write(&file, SMALL).unwrap();
+    file
+}
+
+fn two_gates(directory: &Path) -> PathBuf {
+    let file = directory.join("two_gates.toml");
+    std::fs::write(&file, format!("{SMALL}[second_gate]\nheight_m = 6000\n")).unwrap();
     file
 }
 
@@ -92,6 +99,11 @@ fn arguments_that_cannot_be_are_named() {
             "slopes.reference_px[0] = 1 values: must be 2",
         ),
         (&["--board", "host", "get", "control.gain", "52"], "52"),
+        (
+            &["--board", "host", "get", "modal.reference_px"],
+            "modal.reference_px: the running configuration has none",
+        ),
+        (&["--board", "host", "set", "modal.flux_min_adu", "1", "0"], "modal.flux_min_adu: the"),
         (&["--board", "host", "get", "sor.omega", "0"], "without an index"),
         (
             &["--board", "host", "record", "x.fits", "--seconds", "-1"],
@@ -144,13 +156,17 @@ fn parameters_are_set_in_physical_units() {
         ("sor.omega", "1.5", "", 0.0),
         ("slopes.reference_px", "0.25,-1.5", "7", 1.0 / 65536.0),
         ("slopes.flux_min_adu", "321", "", 1.0),
-        ("slopes.gain_m_per_px", "1e-7,-2e-8,3e-8,-1.1e-7", "0", 1e-11),
+        // Both gates' gains have one exponent, by the second's wider pixels.
+        ("slopes.gain_m_per_px", "1e-7,-2e-8,3e-8,-1.1e-7", "0", 2.5e-11),
+        ("modal.reference_px", "-0.75,0.5", "7", 1.0 / 65536.0),
+        ("modal.flux_min_adu", "123", "", 1.0),
+        ("modal.gain_m_per_px", "2e-7,-2e-8,3e-8,-1.1e-7", "0", 2.5e-11),
     ];
     let mut lines = String::new();
     for (name, values, index, _) in set {
         lines += &format!("set {name} {values} {index}\nget {name} {index}\n");
     }
-    let found = results("host", &small(directory.path()), &lines);
+    let found = results("host", &two_gates(directory.path()), &lines);
     for ((name, values, _, step), pair) in set.iter().zip(found.chunks(2)) {
         let first = pair[1]["values"][0].as_array().unwrap();
         let expected = values.split(',').map(|value| value.parse::<f64>().unwrap());
@@ -227,6 +243,48 @@ with fits.open(sys.argv[1], checksum=True) as hdus:
     fluxes = hdus["FLUXES"].data
     assert np.all(np.abs(fluxes["CENTROID"]) < 4) and np.all(fluxes["FLUX"] > 100)
 "#;
+    in_python(script, &file);
+}
+
+/// What is recorded of two gates has a row a frame as well, the second's windows behind the first's.
+#[test]
+fn telemetry_of_two_gates_is_recorded() {
+    let directory = tempfile::TempDir::new().unwrap();
+    let file = directory.path().join("run.fits");
+    let lines = format!(
+        "calibrate --averaged 2\nlight sky\nmode closed-loop\nrecord {} --frames 10\n",
+        file.display()
+    );
+    let found = results("host", &two_gates(directory.path()), &lines);
+    let windows: Vec<usize> = (0..12).collect();
+    for gate in [&found[0], &found[0]["second_gate"]] {
+        assert_eq!(gate["windows"], Value::from(windows.clone()));
+        assert!(gate["quality"].as_f64().unwrap() > 0.9, "{gate}");
+    }
+    assert_eq!((&found[3]["frames"], &found[3]["fluxes"]), (&10.into(), &10.into()));
+    assert_eq!((&found[3]["dropped"], &found[3]["cut"]), (&0.into(), &0.into()));
+    let script = r#"
+import sys
+import numpy as np
+from astropy.io import fits
+with fits.open(sys.argv[1], checksum=True) as hdus:
+    hdus.verify("exception")
+    assert hdus[0].header["NSUB"] == 12 and hdus[0].header["NWINDOWS"] == 24
+    slopes, fluxes = hdus["SLOPES"].data, hdus["FLUXES"].data
+    assert slopes["SLOPE"].shape == (10, 48) and slopes["VALID"].shape == (10, 24)
+    assert slopes["VALID"].all()
+    assert fluxes["CENTROID"].shape == (10, 48) and np.all(fluxes["FLUX"] > 100)
+    # By the lidar equation the nearer gate is the brighter one.
+    first, second = fluxes["FLUX"][:, :12], fluxes["FLUX"][:, 12:]
+    assert second.mean() > first.mean()
+    assert hdus["COMMANDS"].data["POSITION"].shape == (10, 36)
+    assert hdus["CODES"].data["CODE"].shape == (10, 36)
+"#;
+    in_python(script, &file);
+}
+
+/// Runs a script on a file, where there is astropy.
+fn in_python(script: &str, file: &Path) {
     let python = std::env::var("SPLASH_PYTHON").ok();
     let interpreter = python.as_deref().unwrap_or("python3");
     let astropy = Command::new(interpreter).args(["-c", "import astropy.io.fits"]).output();
@@ -235,7 +293,7 @@ with fits.open(sys.argv[1], checksum=True) as hdus:
         println!("skipped: {interpreter} has no astropy (set SPLASH_PYTHON)");
         return;
     }
-    let output = Command::new(interpreter).arg("-c").arg(script).arg(&file).output().unwrap();
+    let output = Command::new(interpreter).arg("-c").arg(script).arg(file).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
@@ -373,7 +431,7 @@ fn serial_board(light: &Arc<Mutex<Light>>) -> (String, File) {
             master,
             inbox: VecDeque::new(),
             between: true,
-            scene: Simulated::new(&instrument, 1).unwrap(),
+            scene: Simulated::new(Reconstructor::new(&instrument).unwrap(), 1).unwrap(),
             light,
             codes: Vec::new(),
             frame: vec![0; 32 * 32],

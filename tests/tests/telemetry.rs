@@ -282,25 +282,31 @@ fn the_default_fits_the_link() {
             cycles: Cycles { rows: u32::MAX, stages: [u32::MAX; 5], latency: u32::MAX },
         }));
     });
-    // 921600 baud, ten bits a byte; a slow line; USB.
-    for (bytes_per_s, frame_hz, subapertures) in
-        [(92_160, 1000, 52), (960, 100, 208), (1_000_000, 2000, 52), (100_000_000, 1000, 208)]
-    {
+    // 921600 baud, ten bits a byte, with one gate and with two; a slow line; USB.
+    for (bytes_per_s, frame_hz, subapertures, windows) in [
+        (92_160, 1000, 52, 52),
+        (92_160, 1000, 52, 104),
+        (960, 100, 208, 208),
+        (1_000_000, 2000, 52, 52),
+        (100_000_000, 1000, 208, 416),
+    ] {
         let frame_ns = 1_000_000_000 / frame_hz;
-        let chosen = Decimation::for_link(bytes_per_s, frame_ns, subapertures);
+        let chosen = Decimation::for_link(bytes_per_s, frame_ns, subapertures, windows);
         let every = [chosen.frames, chosen.slopes, chosen.commands, chosen.codes, chosen.fluxes];
-        let pieces = subapertures.div_ceil(16);
-        let [slopes, commands, codes, fluxes] = widest.map(|bytes| bytes * pieces);
-        for (bytes, every) in [frame_bytes, slopes, commands, codes, fluxes].into_iter().zip(every)
-        {
+        // Whole pieces of 16 are counted here, the last of which may be shorter.
+        let items = [windows, subapertures, subapertures, windows];
+        let lists = widest.into_iter().zip(items).map(|(bytes, items): (usize, usize)| {
+            let pieces = items.div_ceil(16);
+            (bytes * pieces, 16.0 * pieces as f64 / items as f64)
+        });
+        let streams = std::iter::once((frame_bytes, 1.0)).chain(lists);
+        for ((bytes, last), every) in streams.zip(every) {
             assert!(every > 0);
             let rate = bytes as f64 * frame_hz as f64 / f64::from(every);
             let share = f64::from(bytes_per_s) / 10.0;
-            // Whole pieces of 16 are counted here, the last of which may be shorter.
-            let last = 16.0 * pieces as f64 / subapertures as f64;
             assert!(rate <= share * last, "{bytes} bytes every {every}: {rate} of {share} B/s");
             assert!(every == 1 || rate > 0.4 * share, "{bytes} every {every}: {rate} of {share}");
         }
     }
-    assert_eq!(Decimation::for_link(9, 1_000_000, 52), Decimation::OFF, "not a byte for each");
+    assert_eq!(Decimation::for_link(9, 1_000_000, 52, 52), Decimation::OFF, "not a byte for each");
 }

@@ -7,7 +7,7 @@ use crate::cli::{Action, LinkArgs, Place};
 use crate::error::{Error, refuse};
 use crate::instrument::Instrument;
 use crate::link::Transport;
-use crate::link::calibrate::{Effort, calibrate};
+use crate::link::calibrate::{Calibrated, CalibratedGate, Effort, calibrate};
 use crate::link::light::{Light, Simulated};
 use crate::link::operator::{Frames, Operator};
 use crate::link::parameters::ulp_m;
@@ -34,8 +34,8 @@ const SERIAL_PATIENCE: u32 = 5;
 struct Session {
     operator: Operator,
     identity: Identity,
-    /// What the description says.
-    instrument: Instrument,
+    /// The description's.
+    reconstructor: Reconstructor,
 }
 
 /// What an action found.
@@ -50,9 +50,8 @@ struct Found {
 /// [`Error`] with the exit code that fits.
 pub fn run(args: &LinkArgs) -> Result<(), Error> {
     let actions = args.actions()?;
-    let instrument = Instrument::described(args.config.as_deref())?.of_one_gate()?;
-    instrument.check()?;
-    let mut session = open(args, instrument)?;
+    let reconstructor = described(&Instrument::described(args.config.as_deref())?)?;
+    let mut session = open(args, reconstructor)?;
     let mut results = Vec::new();
     for action in &actions {
         let Found { table, json } = session.act(action)?;
@@ -68,8 +67,14 @@ pub fn run(args: &LinkArgs) -> Result<(), Error> {
     Ok(())
 }
 
+/// The configuration of what is described, without a calibration.
+fn described(instrument: &Instrument) -> Result<Reconstructor, Error> {
+    instrument.check()?;
+    progress::combine_gates(Reconstructor::new(instrument)?)
+}
+
 /// The board, with the description's configuration if it is emulated.
-fn open(args: &LinkArgs, instrument: Instrument) -> Result<Session, Error> {
+fn open(args: &LinkArgs, reconstructor: Reconstructor) -> Result<Session, Error> {
     let usual = if matches!(args.board, Place::Serial(_)) { SERIAL_PATIENCE } else { PATIENCE };
     let patience = Duration::from_secs(args.patience.unwrap_or(usual).into());
     let options = board::Options { patience, marks: false };
@@ -81,22 +86,24 @@ fn open(args: &LinkArgs, instrument: Instrument) -> Result<Session, Error> {
             ("serial", Box::new(line))
         }
         Place::Host => {
-            let windows = instrument.mask()?.count() * instrument.windows.size.pow(2);
-            let across = instrument.telescope.subapertures;
-            ("host", Box::new(Threaded::start(across, windows, patience)?))
+            let spec = reconstructor.spec();
+            let windows = spec.gates() * spec.mask.count();
+            let pixels = windows * usize::from(spec.windows.size).pow(2);
+            let started = Threaded::start(spec.gates(), spec.mask.across(), pixels, patience)?;
+            ("host", Box::new(started))
         }
         Place::Qemu => ("qemu", Box::new(board::qemu::start(options)?)),
         Place::Ibex => ("ibex", Box::new(board::ibex::start(options)?)),
     };
     let frames = match &args.board {
         Place::Serial(_) => Frames::There(Box::new(ask_for_light)),
-        _ => Frames::Here(Box::new(Simulated::new(&instrument, args.seed)?)),
+        _ => Frames::Here(Box::new(Simulated::new(reconstructor.clone(), args.seed)?)),
     };
     let (operator, identity) = Operator::new(name, transport, frames)?;
-    let mut session = Session { operator, identity, instrument };
+    let mut session = Session { operator, identity, reconstructor };
     if session.operator.is_emulated() {
-        let (image, subapertures) = session.described()?;
-        session.operator.start(&image, subapertures)?;
+        let (image, count) = (session.uncalibrated()?, session.reconstructor.mask().count());
+        session.operator.start(&image, count)?;
     }
     Ok(session)
 }
@@ -112,10 +119,9 @@ fn ask_for_light(light: Light) -> Result<(), Error> {
 }
 
 impl Session {
-    /// The image of the description's configuration, without a calibration, and its subapertures.
-    fn described(&self) -> Result<(Vec<u8>, usize), Error> {
-        let reconstructor = Reconstructor::new(&self.instrument)?;
-        Ok((image(&reconstructor.spec(), &[], 0)?, reconstructor.mask().count()))
+    /// The image of the description's configuration, without a calibration.
+    fn uncalibrated(&self) -> Result<Vec<u8>, Error> {
+        Ok(image(&self.reconstructor.spec(), &[], 0)?)
     }
 
     fn upload(&mut self, image: &[u8]) -> Result<u32, Error> {
@@ -137,10 +143,8 @@ impl Session {
                 Ok(runs("set", hash))
             }
             Action::Upload { file } => {
-                let instrument = Instrument::load(file)?;
-                instrument.check()?;
-                self.instrument = instrument;
-                let image = self.described()?.0;
+                self.reconstructor = described(&Instrument::load(file)?)?;
+                let image = self.uncalibrated()?;
                 let hash = self.upload(&image)?;
                 Ok(runs("upload", hash))
             }
@@ -342,47 +346,34 @@ impl Session {
 
     fn calibrate(&mut self, effort: Effort) -> Result<Found, Error> {
         let bar = progress::share("calibration".into());
-        let found = calibrate(&mut self.operator, &self.instrument, effort, &mut |what, done| {
+        let reconstructor = self.reconstructor.clone();
+        let found = calibrate(&mut self.operator, reconstructor, effort, &mut |what, done| {
             bar.set_message(what);
             bar.set_position((1000.0 * done) as u64);
         });
         bar.finish_and_clear();
-        let found = found?;
-        let arrangement = match found.arrangement {
-            Some((0, false)) => "each window has its segment's spot".into(),
-            Some((degrees, false)) => format!("turned by {degrees} degrees"),
-            Some((degrees, true)) => format!("x reflected, then turned by {degrees} degrees"),
-            None => "no turn or reflection of the pupil".into(),
-        };
-        let reflected = if found.reflected { ", x reflected before" } else { "" };
-        Ok(Found {
-            table: vec![
-                (
-                    "dark level",
-                    format!("{:.2} ADU, noise {:.3} ADU", found.dark_adu, found.noise_adu),
-                ),
-                ("detector's gain", format!("{:.3} electrons per ADU", found.gain_e_per_adu)),
-                ("bad pixels", found.bad_pixels.to_string()),
-                ("spots", arrangement),
-                ("motion", format!("turned by {:.2} degrees{reflected}", found.rotation_deg)),
-                ("centroid gain", format!("{:.4}", found.centroid_gain)),
-                ("centroid noise", format!("{:.5} px", found.noise_px)),
-                ("pistons", format!("{:.5} px for a quarter wavelength", found.piston_px)),
-                ("quality", format!("{:.4}", found.quality)),
-                ("configuration", format!("{:08x}", found.hash)),
-            ],
-            json: json!({
-                "action": "calibrate", "dark_adu": found.dark_adu, "noise_adu": found.noise_adu,
-                "gain_e_per_adu": found.gain_e_per_adu, "bad_pixels": found.bad_pixels,
-                "windows": found.windows,
-                "turned_deg": found.arrangement.map(|(degrees, _)| degrees),
-                "x_reflected": found.arrangement.map(|(_, reflected)| reflected),
-                "motion_deg": found.rotation_deg, "motion_reflected": found.reflected,
-                "centroid_gain": found.centroid_gain, "noise_px": found.noise_px,
-                "piston_px": found.piston_px, "quality": found.quality,
-                "configuration": format!("{:08x}", found.hash),
-            }),
-        })
+        let Calibrated { hash, bad_pixels, dark_adu, noise_adu, gain_e_per_adu, gates } = found?;
+        let mut table = vec![
+            ("dark level", format!("{dark_adu:.2} ADU, noise {noise_adu:.3} ADU")),
+            ("detector's gain", format!("{gain_e_per_adu:.3} electrons per ADU")),
+            ("bad pixels", bad_pixels.to_string()),
+        ];
+        let mut json = json!({
+            "action": "calibrate", "dark_adu": dark_adu, "noise_adu": noise_adu,
+            "gain_e_per_adu": gain_e_per_adu, "bad_pixels": bad_pixels,
+            "configuration": format!("{hash:08x}"),
+        });
+        for (i, gate) in gates.iter().enumerate() {
+            if i > 0 {
+                table.push(("second gate", String::new()));
+                json["second_gate"] = gate_json(gate);
+            } else if let (Value::Object(all), Value::Object(gate)) = (&mut json, gate_json(gate)) {
+                all.extend(gate);
+            }
+            table.extend(gate_table(gate));
+        }
+        table.push(("configuration", format!("{hash:08x}")));
+        Ok(Found { table, json })
     }
 
     fn record(&mut self, file: &Path, frames: u32, seconds: Option<f64>) -> Result<Found, Error> {
@@ -391,7 +382,7 @@ impl Session {
             return Err(refuse("--seconds", seconds, limit));
         }
         let operator = &mut self.operator;
-        let mut recording = Recording::new(operator.subapertures()?);
+        let mut recording = Recording::new(operator.subapertures()?, operator.windows()?);
         // A pipe carries everything.
         let all = Decimation { frames: 1, slopes: 1, commands: 1, codes: 1, fluxes: 1 };
         let streams = operator.subscribe(operator.is_emulated().then_some(all))?;
@@ -448,6 +439,35 @@ impl Session {
             }),
         })
     }
+}
+
+fn gate_table(gate: &CalibratedGate) -> Vec<(&'static str, String)> {
+    let arrangement = match gate.arrangement {
+        Some((0, false)) => "each window has its segment's spot".into(),
+        Some((degrees, false)) => format!("turned by {degrees} degrees"),
+        Some((degrees, true)) => format!("x reflected, then turned by {degrees} degrees"),
+        None => "no turn or reflection of the pupil".into(),
+    };
+    let reflected = if gate.reflected { ", x reflected before" } else { "" };
+    vec![
+        ("spots", arrangement),
+        ("motion", format!("turned by {:.2} degrees{reflected}", gate.rotation_deg)),
+        ("centroid gain", format!("{:.4}", gate.centroid_gain)),
+        ("centroid noise", format!("{:.5} px", gate.noise_px)),
+        ("pistons", format!("{:.5} px for a quarter wavelength", gate.piston_px)),
+        ("quality", format!("{:.4}", gate.quality)),
+    ]
+}
+
+fn gate_json(gate: &CalibratedGate) -> Value {
+    json!({
+        "windows": gate.windows,
+        "turned_deg": gate.arrangement.map(|(degrees, _)| degrees),
+        "x_reflected": gate.arrangement.map(|(_, reflected)| reflected),
+        "motion_deg": gate.rotation_deg, "motion_reflected": gate.reflected,
+        "centroid_gain": gate.centroid_gain, "noise_px": gate.noise_px,
+        "piston_px": gate.piston_px, "quality": gate.quality,
+    })
 }
 
 fn done(action: &'static str, what: String) -> Found {

@@ -14,14 +14,16 @@
 //! The mirror is taken off the wavefront: a poke of t is a wavefront of -t. A window follows its segment:
 //! the loaded windows are in the order of the segments whose spots are in them. The gains are those of a
 //! bench: spots under turbulence are broader, and move a little less.
+//!
+//! With a second gate all of it is done for each, with pokes that fit its pixels; the rows behind the first gate's are a
+//! detector of their own.
 
 use super::light::Light;
 use super::operator::{Operator, OperatorError};
 use super::recording::Recording;
 use crate::board::image;
-use crate::calibration::{SlopeCalibration, determinant, over, path_m_per_px};
+use crate::calibration::{SlopeCalibration, determinant, over, paths_m_per_px};
 use crate::error::{Error, refuse};
-use crate::instrument::Instrument;
 use crate::reconstructor::{PixelMaps, Reconstructor};
 use splash_firmware::calibration::Step;
 use splash_firmware::controller::Command;
@@ -57,7 +59,7 @@ pub enum NotAsItShouldBe {
     /// A window without a spot.
     #[error("calibration: window {window}: flux = 0: must be above 0 with the mirror flat")]
     Unlit {
-        /// Which, in the description's order.
+        /// Which, in the description's order, gate by gate.
         window: usize,
     },
     /// No spot moves with a segment as its own would.
@@ -68,7 +70,7 @@ pub enum NotAsItShouldBe {
     Unclear {
         /// The segment.
         segment: usize,
-        /// The two spots that move most.
+        /// The windows of the two spots that move most.
         spots: [usize; 2],
         /// By how much, px.
         moved: [f64; 2],
@@ -122,7 +124,14 @@ pub struct Calibrated {
     pub noise_adu: f64,
     /// Electrons per ADU, by photon transfer.
     pub gain_e_per_adu: f64,
-    /// For each segment, the window (in the description's order) that its spot is in.
+    /// One a gate.
+    pub gates: Vec<CalibratedGate>,
+}
+
+/// What was found of the spots behind a gate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CalibratedGate {
+    /// For each segment, the gate's window (in the description's order) that its spot is in.
     pub windows: Vec<usize>,
     /// That arrangement as a quarter turn and a reflection of the pupil, if it is one: degrees from +x
     /// towards +y, after x was reflected if so.
@@ -141,68 +150,69 @@ pub struct Calibrated {
     pub quality: f64,
 }
 
-/// Calibrates what `instrument` describes, loads the result and leaves the board in standby. `progress`
-/// is told what is being done, and the fraction of it that is.
+/// Calibrates what `reconstructor` is for, with each of its gates, loads the result and leaves the board in standby.
+/// `progress` is told what is being done, and the fraction of it that is.
 ///
 /// # Errors
 /// [`Error::Run`] for what is not as a working instrument has it, and errors of the board.
 pub fn calibrate(
     operator: &mut Operator,
-    instrument: &Instrument,
+    reconstructor: Reconstructor,
     effort: Effort,
     progress: &mut dyn FnMut(&'static str, f64),
 ) -> Result<Calibrated, Error> {
-    let reconstructor = Reconstructor::new(instrument)?;
     let count = reconstructor.mask().count();
     if count < 2 {
         return Err(refuse("pupil.subapertures", count, "at least 2: one has no tilt of its own"));
     }
-    let (pixels, gain_e_per_adu) = pixels(operator, instrument, effort.frames, progress)?;
+    let (pixels, gain_e_per_adu) = pixels(operator, &reconstructor, effort.frames, progress)?;
     let (dark_adu, noise_adu) = (median(&pixels.dark_adu), median(&pixels.noise_adu));
     let bad_pixels = pixels.bad.len();
-    let reconstructor = reconstructor.with_pixels(pixels);
+    let mut reconstructor = reconstructor.with_pixels(pixels);
     operator
         .upload(&image(&reconstructor.spec(), &[], 0)?, &mut |done| progress("upload", done))?;
 
     operator.set_light(Light::Bench)?;
     to_calibrate(operator)?;
-    let slew = instrument.mirror.slew_m_per_frame;
-    let mut bench = Bench::new(operator, instrument, effort.averaged, count, slew)?;
-    let found = bench.pokes(progress);
-    // Whatever was found, nothing is left tilted.
-    bench.flatten()?;
-    let Pokes { references, windows, tilts, noise_px, piston_px } = found?;
-    let gains = fit(&windows, &tilts, bench.poke_m)?;
-
-    let origins = windows.iter().map(|&j| reconstructor.origins()[j]).collect();
-    let slopes = SlopeCalibration {
-        reference_px: windows.iter().map(|&j| references[j]).collect(),
-        gain_m_per_px: gains.responses.iter().map(|response| over(1.0, *response)).collect(),
-    };
-    let mask = *reconstructor.mask();
-    let reconstructor = reconstructor.with_origins(origins).with_slopes(slopes);
-    let quality_q16 = (gains.quality * 65535.0).round() as u16;
+    let bench = Bench::new(operator, &reconstructor, effort.averaged)?;
+    let origins = [Some(reconstructor.origins()), reconstructor.second_origins()];
+    let origins: Vec<_> = origins.into_iter().flatten().map(<[_]>::to_vec).collect();
+    let found = bench.gates(origins.len(), progress)?;
+    let mut gates = Vec::new();
+    for (gate, (Pokes { references, windows, tilts, noise_px, piston_px, poke_m }, origins)) in
+        found.into_iter().zip(origins).enumerate()
+    {
+        let gains = fit(&windows, &tilts, poke_m)?;
+        let origins = windows.iter().map(|&j| origins[j]).collect();
+        let slopes = SlopeCalibration {
+            reference_px: windows.iter().map(|&j| references[j]).collect(),
+            gain_m_per_px: gains.responses.iter().map(|response| over(1.0, *response)).collect(),
+        };
+        let path_m = paths_m_per_px(&reconstructor)[gate];
+        let (rotation_deg, reflected, response) = mean_motion(&gains.responses);
+        gates.push(CalibratedGate {
+            arrangement: arrangement(reconstructor.mask(), &windows),
+            windows,
+            rotation_deg,
+            reflected,
+            centroid_gain: response * path_m,
+            noise_px,
+            piston_px,
+            quality: gains.quality,
+        });
+        reconstructor = match gate {
+            0 => reconstructor.with_origins(origins).with_slopes(slopes),
+            _ => reconstructor.with_second_origins(origins).with_second_slopes(slopes),
+        };
+    }
+    let quality = gates.iter().map(|gate| gate.quality).fold(1.0, f64::min);
+    let quality_q16 = (quality * 65535.0).round() as u16;
     let image = image(&reconstructor.spec(), &Step::ALL, quality_q16)?;
     let hash = operator.upload(&image, &mut |done| progress("upload", done))?;
     // The board's own word that it fits.
     operator.calibration()?;
     operator.enter(Mode::Standby)?;
-    let (rotation_deg, reflected, response) = mean_motion(&gains.responses);
-    Ok(Calibrated {
-        hash,
-        bad_pixels,
-        dark_adu,
-        noise_adu,
-        gain_e_per_adu,
-        arrangement: arrangement(&mask, &windows),
-        windows,
-        rotation_deg,
-        reflected,
-        centroid_gain: response * path_m_per_px(instrument),
-        noise_px,
-        piston_px,
-        quality: gains.quality,
-    })
+    Ok(Calibrated { hash, bad_pixels, dark_adu, noise_adu, gain_e_per_adu, gates })
 }
 
 /// Sum and sum of squares of every pixel.
@@ -216,13 +226,13 @@ impl Moments {
     fn of(
         operator: &mut Operator,
         frames: u32,
-        side: usize,
+        [width, height]: [usize; 2],
         progress: &mut dyn FnMut(f64),
     ) -> Result<Self, OperatorError> {
-        let zeros = || vec![0.0; side * side];
+        let zeros = || vec![0.0; width * height];
         let mut moments = Self { frames: frames.into(), sum: zeros(), squares: zeros() };
         let mut done = 0.0;
-        operator.raw_frames(frames, [side, side], &mut |pixels| {
+        operator.raw_frames(frames, [width, height], &mut |pixels| {
             for ((sum, square), &pixel) in
                 moments.sum.iter_mut().zip(&mut moments.squares).zip(pixels)
             {
@@ -254,45 +264,49 @@ impl Moments {
 /// Darks and flats: the maps of the pixels, and electrons per ADU.
 fn pixels(
     operator: &mut Operator,
-    instrument: &Instrument,
+    reconstructor: &Reconstructor,
     frames: u32,
     progress: &mut dyn FnMut(&'static str, f64),
 ) -> Result<(PixelMaps, f64), Error> {
-    let side = instrument.detector_side();
+    let spec = reconstructor.detector().spec();
+    let size = [spec.width, spec.height];
     operator.disarm()?;
     operator.set_light(Light::Dark)?;
-    let dark = Moments::of(operator, frames, side, &mut |done| progress("darks", done))?;
+    let dark = Moments::of(operator, frames, size, &mut |done| progress("darks", done))?;
     operator.set_light(Light::Even)?;
-    let even = Moments::of(operator, frames, side, &mut |done| progress("flats", done))?;
+    let even = Moments::of(operator, frames, size, &mut |done| progress("flats", done))?;
 
     let (dark_adu, dark_variance) = (dark.means(), dark.variances());
     let (even_adu, even_variance) = (even.means(), even.variances());
     let signal: Vec<f64> = even_adu.iter().zip(&dark_adu).map(|(even, dark)| even - dark).collect();
     // A pixel that never changes has the noise of its rounding.
     let noise_adu: Vec<f64> = dark_variance.iter().map(|v| v.max(1.0 / 12.0).sqrt()).collect();
-    let (usual, usual_noise) = (median(&signal), median(&noise_adu));
-    if usual.is_nan() || usual < 1.0 {
-        return Err(NotAsItShouldBe::Flats { adu: usual }.into());
-    }
-    let top = f64::from((1u32 << instrument.detector.bits) - 1);
-    let is_bad = |i: usize| {
-        let response = signal[i] / usual;
-        !(RESPONSE_MIN..=1.0 / RESPONSE_MIN).contains(&response)
-            || even_adu[i] >= top
-            || noise_adu[i] > NOISE_MAX * usual_noise
-    };
-    let bad: Vec<usize> = (0..signal.len()).filter(|&i| is_bad(i)).collect();
+    let top = f64::from((1u32 << spec.bits) - 1);
+    let mut maps = PixelMaps { gain: Vec::new(), dark_adu, noise_adu, bad: Vec::new() };
     let (mut light, mut variance) = (0.0, 0.0);
-    for i in (0..signal.len()).filter(|&i| !is_bad(i)) {
-        light += signal[i];
-        variance += even_variance[i] - dark_variance[i];
+    // Each gate has a detector of its own, which answers its own light.
+    let of_gate = spec.width * reconstructor.instrument().detector_side();
+    for start in (0..signal.len()).step_by(of_gate) {
+        let gate = start..(start + of_gate).min(signal.len());
+        let usual = median(&signal[gate.clone()]);
+        let usual_noise = median(&maps.noise_adu[gate.clone()]);
+        if usual.is_nan() || usual < 1.0 {
+            return Err(NotAsItShouldBe::Flats { adu: usual }.into());
+        }
+        for i in gate {
+            let response = signal[i] / usual;
+            maps.gain.push(1.0 / response);
+            if !(RESPONSE_MIN..=1.0 / RESPONSE_MIN).contains(&response)
+                || even_adu[i] >= top
+                || maps.noise_adu[i] > NOISE_MAX * usual_noise
+            {
+                maps.bad.push([i % spec.width, i / spec.width].map(|i| i as u16));
+                continue;
+            }
+            light += signal[i];
+            variance += even_variance[i] - dark_variance[i];
+        }
     }
-    let maps = PixelMaps {
-        gain: signal.iter().map(|signal| usual / signal).collect(),
-        dark_adu,
-        noise_adu,
-        bad: bad.iter().map(|&i| [i % side, i / side].map(|i| i as u16)).collect(),
-    };
     Ok((maps, light / variance))
 }
 
@@ -319,8 +333,10 @@ struct Bench<'a> {
     operator: &'a mut Operator,
     averaged: u32,
     settle: u32,
+    /// Segments, and windows of a gate.
     count: usize,
-    poke_m: f64,
+    /// Of each gate.
+    pokes_m: Vec<f64>,
     piston_m: f64,
 }
 
@@ -331,45 +347,56 @@ struct Tilts {
     motions: Vec<[[Vec<[f64; 2]>; 2]; 2]>,
 }
 
-/// What the pokes showed.
+/// What the pokes showed of a gate.
 struct Pokes {
     references: Vec<[f64; 2]>,
     windows: Vec<usize>,
     tilts: Tilts,
     noise_px: f64,
     piston_px: f64,
+    poke_m: f64,
 }
 
 impl<'a> Bench<'a> {
     fn new(
         operator: &'a mut Operator,
-        instrument: &Instrument,
+        reconstructor: &Reconstructor,
         averaged: u32,
-        count: usize,
-        slew_m: f64,
     ) -> Result<Self, OperatorError> {
         // As often as suits the link, if it is not a pipe.
         let every = if operator.is_emulated() { 1 } else { operator.subscribe(None)?.fluxes };
         let decimation = Decimation { fluxes: every.max(1), ..Decimation::OFF };
         operator.subscribe(Some(decimation))?;
-        let poke_m = POKE_PX * path_m_per_px(instrument);
+        let instrument = reconstructor.instrument();
+        let paths_m = paths_m_per_px(reconstructor);
+        let pokes_m: Vec<f64> = paths_m.into_iter().map(|path_m| POKE_PX * path_m).collect();
         let piston_m = instrument.laser.wavelength_m / 4.0;
         // From one side to the other an actuator goes no further than twice the sum of both tilts.
-        let settle = SETTLE + (4.0 * poke_m.max(piston_m) / slew_m).ceil() as u32;
-        Ok(Self { operator, averaged, settle, count, poke_m, piston_m })
+        let longest_m = pokes_m.iter().copied().fold(piston_m, f64::max);
+        let settle = SETTLE + (4.0 * longest_m / instrument.mirror.slew_m_per_frame).ceil() as u32;
+        let count = reconstructor.mask().count();
+        Ok(Self { operator, averaged, settle, count, pokes_m, piston_m })
     }
 
-    fn flatten(&mut self) -> Result<(), OperatorError> {
+    /// What the pokes show of so many gates; whatever is found, nothing is left tilted.
+    fn gates(
+        mut self,
+        gates: usize,
+        progress: &mut dyn FnMut(&'static str, f64),
+    ) -> Result<Vec<Pokes>, Error> {
+        let found = (0..gates).map(|gate| self.pokes(gate, progress)).collect();
         self.operator.subscribe(Some(Decimation::OFF))?;
         self.operator.command("when the mirror was to be flat", Command::Flat)?;
-        self.operator.wait_for_frames(self.settle)
+        self.operator.wait_for_frames(self.settle)?;
+        found
     }
 
-    /// Mean centroids with the mirror as it was told to be, px, and their variance from frame to
-    /// frame.
-    fn centroids(&mut self) -> Result<(Vec<[f64; 2]>, f64), Error> {
+    /// Mean centroids of a gate with the mirror as it was told to be, px, and their variance from frame
+    /// to frame.
+    fn centroids(&mut self, gate: usize) -> Result<(Vec<[f64; 2]>, f64), Error> {
         let told = self.operator.status()?.at.frame;
-        let mut recording = Recording::new(self.count);
+        let first = gate * self.count;
+        let mut recording = Recording::new(self.count, self.pokes_m.len() * self.count);
         let (mut sums, mut squares) = (vec![[0.0; 2]; self.count], 0.0);
         let (mut taken, mut last) = (0, None);
         let px = 1.0 / f64::from(1u32 << CENTROID_BITS);
@@ -384,9 +411,11 @@ impl<'a> Bench<'a> {
                     continue;
                 }
                 last = Some(frame);
-                for (j, (sum, measurement)) in sums.iter_mut().zip(measurements).enumerate() {
+                for (j, (sum, measurement)) in
+                    sums.iter_mut().zip(&measurements[first..]).enumerate()
+                {
                     if measurement.flux == 0 {
-                        return Err(NotAsItShouldBe::Unlit { window: j }.into());
+                        return Err(NotAsItShouldBe::Unlit { window: first + j }.into());
                     }
                     for (sum, q16) in sum.iter_mut().zip(measurement.centroid_q16) {
                         let centroid = f64::from(q16) * px;
@@ -405,49 +434,63 @@ impl<'a> Bench<'a> {
         Ok((sums, ((squares - of_means) / freedom).max(0.0)))
     }
 
-    /// Where the spots are with segment `i` there and all others flat.
-    fn poked(&mut self, i: usize, position_m: [f64; 3]) -> Result<Vec<[f64; 2]>, Error> {
+    /// Where a gate's spots are with segment `i` there and all others flat.
+    fn poked(
+        &mut self,
+        gate: usize,
+        i: usize,
+        position_m: [f64; 3],
+    ) -> Result<Vec<[f64; 2]>, Error> {
         self.operator.command("when the mirror was to be flat", Command::Flat)?;
         self.operator.poke(i as u16, position_m)?;
-        Ok(self.centroids()?.0)
+        Ok(self.centroids(gate)?.0)
     }
 
-    fn pokes(&mut self, progress: &mut dyn FnMut(&'static str, f64)) -> Result<Pokes, Error> {
-        progress("references", 0.0);
+    fn pokes(
+        &mut self,
+        gate: usize,
+        progress: &mut dyn FnMut(&'static str, f64),
+    ) -> Result<Pokes, Error> {
+        let [references_name, pokes_name] =
+            [["references", "pokes"], ["references, second gate", "pokes, second gate"]][gate];
+        progress(references_name, 0.0);
         self.operator.command("when the mirror was to be flat", Command::Flat)?;
-        let (references, variance) = self.centroids()?;
+        let (references, variance) = self.centroids(gate)?;
         let from_reference = |spots: Vec<[f64; 2]>| -> Vec<[f64; 2]> {
             let pairs = spots.iter().zip(&references);
             pairs
                 .map(|(spot, reference)| [spot[0] - reference[0], spot[1] - reference[1]])
                 .collect()
         };
+        let first = gate * self.count;
+        let poke_m = self.pokes_m[gate];
         let (mut tilts, mut windows) = (Tilts::default(), Vec::new());
         let mut piston_square = 0.0;
         for i in 0..self.count {
-            progress("pokes", i as f64 / self.count as f64);
+            progress(pokes_name, i as f64 / self.count as f64);
             let mut motions = <[[Vec<[f64; 2]>; 2]; 2]>::default();
             for (axis, sides) in motions.iter_mut().enumerate() {
                 for (side, motion) in [1.0, -1.0].into_iter().zip(sides) {
                     let mut position_m = [0.0; 3];
-                    position_m[axis + 1] = side * self.poke_m;
-                    *motion = from_reference(self.poked(i, position_m)?);
+                    position_m[axis + 1] = side * poke_m;
+                    *motion = from_reference(self.poked(gate, i, position_m)?);
                 }
             }
-            windows.push(follower(i, &motions)?);
-            let piston = from_reference(self.poked(i, [self.piston_m, 0.0, 0.0])?);
+            windows.push(follower(i, first, &motions)?);
+            let piston = from_reference(self.poked(gate, i, [self.piston_m, 0.0, 0.0])?);
             piston_square += square(piston.as_flattened());
             tilts.motions.push(motions);
         }
         let mut seen = vec![None; self.count];
         for (i, &j) in windows.iter().enumerate() {
             if let Some(other) = seen[j].replace(i) {
-                return Err(NotAsItShouldBe::Shared { window: j, segments: [other, i] }.into());
+                let (window, segments) = (first + j, [other, i]);
+                return Err(NotAsItShouldBe::Shared { window, segments }.into());
             }
         }
         let pistons = (self.count * self.count) as f64;
         let (noise_px, piston_px) = (variance.sqrt(), (piston_square / pistons).sqrt());
-        Ok(Pokes { references, windows, tilts, noise_px, piston_px })
+        Ok(Pokes { references, windows, tilts, noise_px, piston_px, poke_m })
     }
 }
 
@@ -455,8 +498,8 @@ fn square(values: &[f64]) -> f64 {
     values.iter().map(|value| value * value).sum()
 }
 
-/// The spot that moves most with segment `i`.
-fn follower(i: usize, [x, y]: &[[Vec<[f64; 2]>; 2]; 2]) -> Result<usize, Error> {
+/// The spot that moves most with segment `i`; the gate's windows count from `first` on.
+fn follower(i: usize, first: usize, [x, y]: &[[Vec<[f64; 2]>; 2]; 2]) -> Result<usize, Error> {
     let moved = |j: usize| {
         let along = |[plus, minus]: &[Vec<[f64; 2]>; 2]| {
             square(&[plus[j][0] - minus[j][0], plus[j][1] - minus[j][1]])
@@ -469,9 +512,10 @@ fn follower(i: usize, [x, y]: &[[Vec<[f64; 2]>; 2]; 2]) -> Result<usize, Error> 
         [(most, j), (next, _), ..] if most >= CONTRAST_MIN * next => Ok(j),
         [(most, spot), (next, other), ..] => {
             let (segment, moved) = (i, [most, next]);
-            Err(NotAsItShouldBe::Unclear { segment, spots: [spot, other], moved }.into())
+            let spots = [first + spot, first + other];
+            Err(NotAsItShouldBe::Unclear { segment, spots, moved }.into())
         }
-        _ => Err(NotAsItShouldBe::Unlit { window: i }.into()),
+        _ => Err(NotAsItShouldBe::Unlit { window: first + i }.into()),
     }
 }
 

@@ -3,7 +3,6 @@
 use crate::atmosphere::Atmosphere;
 use crate::error::Error;
 use crate::imager::{Imager, Noise};
-use crate::instrument::Instrument;
 use crate::mirror::SegmentedMirror;
 use crate::optics::geometric::Sensor;
 use crate::pupil::{Mirror, Pupil};
@@ -55,7 +54,6 @@ pub trait Scene {
 
 /// An instrument in simulation, with all its noise.
 pub struct Simulated {
-    instrument: Instrument,
     reconstructor: Reconstructor,
     pupil: Pupil,
     device: SegmentedMirror,
@@ -70,20 +68,20 @@ pub struct Simulated {
 }
 
 impl Simulated {
-    /// One on the bench; `seed` is that of noise and turbulence.
+    /// The reconstructor's, on the bench, with its gates; `seed` is that of noise and turbulence.
     ///
     /// # Errors
     /// [`Error::Config`] for what the optics refuse.
-    pub fn new(instrument: &Instrument, seed: u64) -> Result<Self, Error> {
-        let reconstructor = Reconstructor::new(instrument)?;
+    pub fn new(reconstructor: Reconstructor, seed: u64) -> Result<Self, Error> {
+        let instrument = reconstructor.instrument();
         let pupil = instrument.pupil()?;
         let still = Atmosphere::from_screens(Vec::new(), pupil.diameter_m(), 0.0)?;
         let imager = Imager::new(&reconstructor, Sensor::Splash, &pupil, &still)?;
-        let pixels = instrument.detector_side().pow(2);
+        let detector = reconstructor.detector().spec();
+        let pixels = detector.width * detector.height;
         Ok(Self {
             device: SegmentedMirror::new(instrument),
             shape: Mirror::flat(pupil.subapertures().len()),
-            instrument: instrument.clone(),
             reconstructor,
             pupil,
             light: Light::Bench,
@@ -96,7 +94,8 @@ impl Simulated {
     }
 
     fn draw_sky(&self) -> Result<(Atmosphere, Imager), Error> {
-        let Self { instrument, reconstructor, pupil, .. } = self;
+        let Self { reconstructor, pupil, .. } = self;
+        let instrument = reconstructor.instrument();
         let duration_s = f64::from(SKY_FRAMES) * instrument.frame_s();
         let turbulence = instrument.turbulence(pupil, duration_s)?;
         let sky = turbulence.realise(self.seed, &mut |_| ());
@@ -106,7 +105,7 @@ impl Simulated {
 
     /// Half of the range of a pixel, electrons.
     fn half_range_e(&self) -> f32 {
-        let detector = &self.instrument.detector;
+        let detector = &self.reconstructor.instrument().detector;
         let codes = f64::from((1u32 << detector.bits) - 1) - detector.bias_adu;
         (codes * detector.gain_e_per_adu).min(detector.full_well_e) as f32 / 2.0
     }
@@ -129,7 +128,8 @@ impl Scene for Simulated {
             Light::Dark => 0.0,
             Light::Even => self.half_range_e(),
             Light::Bench | Light::Sky => {
-                let time_s = f64::from(frame % SKY_FRAMES) * self.instrument.frame_s();
+                let time_s =
+                    f64::from(frame % SKY_FRAMES) * self.reconstructor.instrument().frame_s();
                 let noise = Some(Noise { seed: self.seed, frame: frame.into() });
                 let scene = match &mut self.sky {
                     Some(sky) if self.light == Light::Sky => sky,

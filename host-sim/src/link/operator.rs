@@ -6,7 +6,7 @@
 use super::client::{Client, unexpected};
 use super::frames::{self, State};
 use super::light::{Light, Scene};
-use super::parameters::{self, Bound, Parameter, quantise};
+use super::parameters::{self, Bound, Entry, Parameter, quantise};
 use super::transport::{Failure, Transport};
 use crate::board::Frame;
 use crate::error::Error;
@@ -17,7 +17,7 @@ use splash_firmware::controller::Command;
 use splash_firmware::fault::Record as FaultRecord;
 use splash_firmware::fixed::{PISTON_LIMIT, TILT_LIMIT};
 use splash_firmware::gate::Range;
-use splash_firmware::image::{Head, Subaperture};
+use splash_firmware::image::Head;
 use splash_firmware::link::{Counters, Identity, Reason, Request, Response, Status};
 use splash_firmware::mirror::Serials;
 use splash_firmware::mode::{Mode, Refusal, Transition};
@@ -267,13 +267,11 @@ impl Operator {
         }
     }
 
-    /// What the running configuration has for a subaperture.
-    ///
-    /// # Errors
-    /// [`OperatorError`].
-    pub fn entry(&mut self, index: u16) -> Result<Subaperture, OperatorError> {
-        match self.value(Asked::Subaperture { index })? {
-            Adjustment::Subaperture { entry, .. } => Ok(entry),
+    /// What the running configuration has for a subaperture in the place that `parameter` is in.
+    fn entry(&mut self, parameter: &Parameter, index: u16) -> Result<Entry, OperatorError> {
+        match self.value(parameter.entry(index))? {
+            Adjustment::Subaperture { entry, .. } => Ok(Entry::Subaperture(entry)),
+            Adjustment::SecondGate { entry, .. } => Ok(Entry::SecondGate(entry)),
             other => self.out_of_turn("when it was asked for a parameter", &Response::Value(other)),
         }
     }
@@ -283,7 +281,20 @@ impl Operator {
     /// # Errors
     /// [`OperatorError`].
     pub fn subapertures(&mut self) -> Result<usize, OperatorError> {
-        match self.value(Asked::Subaperture { index: BEYOND }) {
+        self.entries(Asked::Subaperture { index: BEYOND })
+    }
+
+    /// How many windows it has: with a second gate two a subaperture.
+    ///
+    /// # Errors
+    /// [`OperatorError`].
+    pub fn windows(&mut self) -> Result<usize, OperatorError> {
+        Ok(self.subapertures()? + self.entries(Asked::SecondGate { index: BEYOND })?)
+    }
+
+    /// How many there are of what this asks for one beyond.
+    fn entries(&mut self, beyond: Asked) -> Result<usize, OperatorError> {
+        match self.value(beyond) {
             Err(OperatorError::Refused { reason: Reason::Place { entries, .. }, .. }) => {
                 Ok(entries as usize)
             }
@@ -311,18 +322,27 @@ impl Operator {
             return Ok((parameter, vec![parameter.read(&head, None).map_err(refused)?]));
         }
         let mut all = Vec::new();
-        for index in self.places(index)? {
-            let entry = self.entry(index)?;
+        for index in self.places(parameter, index)? {
+            let entry = self.entry(parameter, index)?;
             all.push(parameter.read(&head, Some(&entry)).map_err(refused)?);
         }
         Ok((parameter, all))
     }
 
-    fn places(&mut self, index: Option<u16>) -> Result<std::ops::Range<u16>, OperatorError> {
-        match index {
+    /// The subapertures of which a parameter is asked for; an error where there is none at all.
+    fn places(
+        &mut self,
+        parameter: &Parameter,
+        index: Option<u16>,
+    ) -> Result<std::ops::Range<u16>, OperatorError> {
+        match (self.entries(parameter.entry(BEYOND))? as u16, index) {
+            (0, _) => {
+                let name = parameter.name.into();
+                Err(OperatorError::Value { name, bound: Bound::Absent })
+            }
             // A subaperture that there is not is refused by the board.
-            Some(index) => Ok(index..index.saturating_add(1)),
-            None => Ok(0..self.subapertures()? as u16),
+            (_, Some(index)) => Ok(index..index.saturating_add(1)),
+            (entries, None) => Ok(0..entries),
         }
     }
 
@@ -344,11 +364,11 @@ impl Operator {
         };
         let mut adjustments = Vec::new();
         if parameter.is_indexed() {
-            for index in self.places(index)? {
-                let mut entry = self.entry(index)?;
+            for index in self.places(parameter, index)? {
+                let mut entry = self.entry(parameter, index)?;
                 let written = parameter.write_entry(&head, &mut entry, values);
                 written.map_err(refused(Some(index)))?;
-                adjustments.push(Adjustment::Subaperture { index, entry });
+                adjustments.push(entry.adjustment(index));
             }
         } else {
             parameter.write_head(&mut head, values).map_err(refused(None))?;

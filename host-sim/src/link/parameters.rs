@@ -3,9 +3,11 @@
 //! Names are those of the fields in errors. A value is refused here if it does not fit its format, and by
 //! the board, with the same words, if it breaks a bound of the configuration.
 
+use splash_firmware::adjust::{Adjustment, Parameter as Asked};
 use splash_firmware::centroid::EstimatorConfig;
 use splash_firmware::fixed::{CENTROID_BITS, LENGTH_BITS};
-use splash_firmware::image::{Head, Subaperture};
+use splash_firmware::image::{Head, SecondGate, Subaperture};
+use splash_firmware::slopes::SlopeCalibration;
 
 /// One in Q13, the format of the control coefficients.
 const GAIN_ONE: f64 = 8192.0;
@@ -32,6 +34,52 @@ enum Access {
         read: fn(&Head, &Subaperture) -> Vec<f64>,
         write: fn(&Head, &mut Subaperture, &[f64]) -> Result<(), Bound>,
     },
+    /// There once a subaperture in the slope calibration of a gate, so many values.
+    Slope {
+        gate: Gate,
+        values: usize,
+        read: fn(&Head, &SlopeCalibration) -> Vec<f64>,
+        write: fn(&Head, &mut SlopeCalibration, &[f64]) -> Result<(), Bound>,
+    },
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Gate {
+    First,
+    Second,
+}
+
+/// What there is once a subaperture.
+#[derive(Clone, Copy, Debug)]
+pub enum Entry {
+    /// For all that there is but a second gate.
+    Subaperture(Subaperture),
+    /// For that.
+    SecondGate(SecondGate),
+}
+
+impl Entry {
+    /// The change that makes this the entry of subaperture `index`.
+    pub fn adjustment(self, index: u16) -> Adjustment {
+        match self {
+            Self::Subaperture(entry) => Adjustment::Subaperture { index, entry },
+            Self::SecondGate(entry) => Adjustment::SecondGate { index, entry },
+        }
+    }
+
+    fn slope(&self) -> &SlopeCalibration {
+        match self {
+            Self::Subaperture(entry) => &entry.slope,
+            Self::SecondGate(entry) => &entry.slope,
+        }
+    }
+
+    fn slope_mut(&mut self) -> &mut SlopeCalibration {
+        match self {
+            Self::Subaperture(entry) => &mut entry.slope,
+            Self::SecondGate(entry) => &mut entry.slope,
+        }
+    }
 }
 
 /// Why a value was not taken.
@@ -81,20 +129,31 @@ pub fn find(name: &str) -> Option<&'static Parameter> {
 impl Parameter {
     /// Whether there is one for each subaperture.
     pub fn is_indexed(&self) -> bool {
-        matches!(self.access, Access::Subaperture { .. })
+        !matches!(self.access, Access::Head { .. })
+    }
+
+    /// What a board is asked for the entry of subaperture `index` that this is in.
+    pub fn entry(&self, index: u16) -> Asked {
+        match self.access {
+            Access::Slope { gate: Gate::Second, .. } => Asked::SecondGate { index },
+            _ => Asked::Subaperture { index },
+        }
     }
 
     /// Its values; `entry` is the subaperture's, for a parameter that has an index.
     ///
     /// # Errors
     /// [`Bound::Absent`].
-    pub fn read(&self, head: &Head, entry: Option<&Subaperture>) -> Result<Vec<f64>, Bound> {
+    pub fn read(&self, head: &Head, entry: Option<&Entry>) -> Result<Vec<f64>, Bound> {
         match (self.access, entry) {
             (Access::Head { read, .. }, _) => {
                 read(head).map(|value| vec![value]).ok_or(Bound::Absent)
             }
-            (Access::Subaperture { read, .. }, Some(entry)) => Ok(read(head, entry)),
-            (Access::Subaperture { .. }, None) => Err(Bound::Absent),
+            (Access::Subaperture { read, .. }, Some(Entry::Subaperture(entry))) => {
+                Ok(read(head, entry))
+            }
+            (Access::Slope { read, .. }, Some(entry)) => Ok(read(head, entry.slope())),
+            (Access::Subaperture { .. } | Access::Slope { .. }, _) => Err(Bound::Absent),
         }
     }
 
@@ -106,7 +165,7 @@ impl Parameter {
         match (self.access, values) {
             (Access::Head { write, .. }, &[value]) => write(head, value),
             (Access::Head { .. }, _) => Err(Bound::Values { found: values.len(), values: 1 }),
-            (Access::Subaperture { .. }, _) => Err(Bound::Absent),
+            _ => Err(Bound::Absent),
         }
     }
 
@@ -114,18 +173,18 @@ impl Parameter {
     ///
     /// # Errors
     /// [`Bound`]; nothing has changed.
-    pub fn write_entry(
-        &self,
-        head: &Head,
-        entry: &mut Subaperture,
-        found: &[f64],
-    ) -> Result<(), Bound> {
-        match self.access {
-            Access::Subaperture { values, write, .. } if found.len() == values => {
+    pub fn write_entry(&self, head: &Head, entry: &mut Entry, found: &[f64]) -> Result<(), Bound> {
+        match (self.access, entry) {
+            (Access::Subaperture { values, .. } | Access::Slope { values, .. }, _)
+                if found.len() != values =>
+            {
+                Err(Bound::Values { found: found.len(), values })
+            }
+            (Access::Subaperture { write, .. }, Entry::Subaperture(entry)) => {
                 write(head, entry, found)
             }
-            Access::Subaperture { values, .. } => Err(Bound::Values { found: found.len(), values }),
-            Access::Head { .. } => Err(Bound::Absent),
+            (Access::Slope { write, .. }, entry) => write(head, entry.slope_mut(), found),
+            _ => Err(Bound::Absent),
         }
     }
 }
@@ -190,22 +249,65 @@ macro_rules! flux {
 }
 
 macro_rules! spot_flux {
-    ($name:literal, $field:ident) => {
+    ($name:literal, $gate:ident, $field:ident) => {
         Parameter {
             name: $name,
             unit: "ADU",
-            access: Access::Subaperture {
+            access: Access::Slope {
+                gate: Gate::$gate,
                 values: 1,
-                read: |head, entry| vec![f64::from(entry.slope.$field) * head.adu_per_unit],
-                write: |head, entry, values| {
+                read: |head, slope| vec![f64::from(slope.$field) * head.adu_per_unit],
+                write: |head, slope, values| {
                     let limits = [1.0, f64::from(u32::MAX)];
                     let units = quantise(values[0], 1.0 / head.adu_per_unit, limits)?;
-                    entry.slope.$field = units as u32;
+                    slope.$field = units as u32;
                     Ok(())
                 },
             },
         }
     };
+}
+
+const fn reference_px(name: &'static str, gate: Gate) -> Parameter {
+    Parameter {
+        name,
+        unit: "px from the window's centre: x,y",
+        access: Access::Slope {
+            gate,
+            values: 2,
+            read: |_, slope| {
+                let px = 1.0 / f64::from(1u32 << CENTROID_BITS);
+                slope.reference_q16.iter().map(|&q| f64::from(q) * px).collect()
+            },
+            write: |_, slope, values| {
+                let (scale, limit) = (f64::from(1u32 << CENTROID_BITS), f64::from(1u32 << 21));
+                let q = |value| Ok(quantise(value, scale, [-limit, limit])? as i32);
+                slope.reference_q16 = [q(values[0])?, q(values[1])?];
+                Ok(())
+            },
+        },
+    }
+}
+
+const fn gain_m_per_px(name: &'static str, gate: Gate) -> Parameter {
+    Parameter {
+        name,
+        unit: "m of optical path a pixel: tip by x,tip by y,tilt by x,tilt by y",
+        access: Access::Slope {
+            gate,
+            values: 4,
+            read: |head, slope| {
+                let gain = slope.gain.as_flattened().iter();
+                gain.map(|&gain| f64::from(gain) * gain_m(head)).collect()
+            },
+            write: |head, slope, values| {
+                let limits = [f64::from(i16::MIN), f64::from(i16::MAX)];
+                let q = |i: usize| Ok(quantise(values[i], 1.0 / gain_m(head), limits)? as i16);
+                slope.gain = [[q(0)?, q(1)?], [q(2)?, q(3)?]];
+                Ok(())
+            },
+        },
+    }
 }
 
 /// Optical path per pixel of one of a slope gain's units, m.
@@ -274,6 +376,10 @@ pub static PARAMETERS: &[Parameter] = &[
             },
         },
     },
+    reference_px("modal.reference_px", Gate::Second),
+    gain_m_per_px("modal.gain_m_per_px", Gate::Second),
+    spot_flux!("modal.flux_min_adu", Second, flux_min),
+    spot_flux!("modal.flux_max_adu", Second, flux_max),
     count!("pixels.saturation_adu", "ADU", u16, saturation),
     count!("safety.hold_frames", "frames", u16, ladder.hold_frames),
     count!("safety.safe_frames", "frames", u16, ladder.safe_frames),
@@ -320,42 +426,10 @@ pub static PARAMETERS: &[Parameter] = &[
     },
     count!("serials.mirror", "0 for any", u32, serials.mirror),
     count!("serials.detector", "0 for any", u32, serials.detector),
-    Parameter {
-        name: "slopes.reference_px",
-        unit: "px from the window's centre: x,y",
-        access: Access::Subaperture {
-            values: 2,
-            read: |_, entry| {
-                let px = 1.0 / f64::from(1u32 << CENTROID_BITS);
-                entry.slope.reference_q16.iter().map(|&q| f64::from(q) * px).collect()
-            },
-            write: |_, entry, values| {
-                let (scale, limit) = (f64::from(1u32 << CENTROID_BITS), f64::from(1u32 << 21));
-                let q = |value| Ok(quantise(value, scale, [-limit, limit])? as i32);
-                entry.slope.reference_q16 = [q(values[0])?, q(values[1])?];
-                Ok(())
-            },
-        },
-    },
-    Parameter {
-        name: "slopes.gain_m_per_px",
-        unit: "m of optical path a pixel: tip by x,tip by y,tilt by x,tilt by y",
-        access: Access::Subaperture {
-            values: 4,
-            read: |head, entry| {
-                let gain = entry.slope.gain.as_flattened().iter();
-                gain.map(|&gain| f64::from(gain) * gain_m(head)).collect()
-            },
-            write: |head, entry, values| {
-                let limits = [f64::from(i16::MIN), f64::from(i16::MAX)];
-                let q = |i: usize| Ok(quantise(values[i], 1.0 / gain_m(head), limits)? as i16);
-                entry.slope.gain = [[q(0)?, q(1)?], [q(2)?, q(3)?]];
-                Ok(())
-            },
-        },
-    },
-    spot_flux!("slopes.flux_min_adu", flux_min),
-    spot_flux!("slopes.flux_max_adu", flux_max),
+    reference_px("slopes.reference_px", Gate::First),
+    gain_m_per_px("slopes.gain_m_per_px", Gate::First),
+    spot_flux!("slopes.flux_min_adu", First, flux_min),
+    spot_flux!("slopes.flux_max_adu", First, flux_max),
     count!("sor.sweeps", "", u16, sweeps),
     count!("sor.cold_sweeps", "", u16, cold_sweeps),
     Parameter {

@@ -4,14 +4,15 @@
 //! |---|---|
 //! | `CONFIG` | bytes of the image that ran at the end of the record |
 //! | `FRAMES` | a frame: number, time, configuration, mode, gate stamp, report, fault, cycles |
-//! | `SLOPES` | a frame: tip and tilt, m of optical path from centre to edge, and validity |
+//! | `SLOPES` | a frame: tip and tilt of each window, m of optical path from centre to edge, and validity |
 //! | `COMMANDS` | a frame: piston, tip and tilt of each segment, m |
 //! | `CODES` | a frame: DAC codes of each segment's actuators |
-//! | `FLUXES` | a frame: centroid, px; flux and peak, ADU; saturated pixels |
+//! | `FLUXES` | a frame: centroid of each window, px; flux and peak, ADU; saturated pixels |
 //! | `FAULTS` | a fault, of a frame or not: the last frame begun, time, kind, what it says of itself |
 //!
-//! Every header has the hashes of build and configuration and the serial numbers; every row its frame's
-//! number. A frame of which a piece is missing is left out and counted.
+//! The windows of a second gate come behind the first's in every row. Every header has the hashes of build and
+//! configuration, the serial numbers, and how many subapertures and windows there are; every row its frame's number. A
+//! frame of which a piece is missing is left out and counted.
 
 use crate::files::fits::{Column, FitsError, FitsWriter, Header, Values};
 use splash_firmware::centroid::Measurement;
@@ -31,6 +32,7 @@ use super::parameters::ulp_m;
 #[derive(Debug, Default)]
 pub struct Recording {
     subapertures: usize,
+    windows: usize,
     frames: Vec<FrameRecord>,
     slopes: Lists<Slope>,
     commands: Lists<Position>,
@@ -43,7 +45,7 @@ pub struct Recording {
 #[derive(Debug)]
 struct Lists<T> {
     frames: Vec<u32>,
-    /// Of all subapertures, frame after frame.
+    /// Of all subapertures or windows, frame after frame.
     items: Vec<T>,
     /// The frame whose pieces are coming, with those that have come.
     pending: Option<(u32, Vec<T>)>,
@@ -63,17 +65,17 @@ impl<T: Copy> Lists<T> {
         self.items.clear();
     }
 
-    fn take(&mut self, subapertures: usize, frame: u32, first: u16, items: &[T]) {
+    fn take(&mut self, count: usize, frame: u32, first: u16, items: &[T]) {
         if first == 0 {
             self.cut += u32::from(self.pending.is_some());
-            self.pending = Some((frame, Vec::with_capacity(subapertures)));
+            self.pending = Some((frame, Vec::with_capacity(count)));
         }
         match &mut self.pending {
             Some((due, all)) if *due == frame && all.len() == usize::from(first) => {
                 all.extend_from_slice(items);
-                if all.len() >= subapertures {
+                if all.len() >= count {
                     self.frames.push(frame);
-                    self.items.extend(all.iter().take(subapertures));
+                    self.items.extend(all.iter().take(count));
                     self.pending = None;
                 }
             }
@@ -103,22 +105,26 @@ pub struct Source<'a> {
 }
 
 impl Recording {
-    /// An empty one of so many subapertures.
-    pub fn new(subapertures: usize) -> Self {
-        Self { subapertures, ..Self::default() }
+    /// An empty one of so many subapertures and windows.
+    pub fn new(subapertures: usize, windows: usize) -> Self {
+        Self { subapertures, windows, ..Self::default() }
     }
 
     /// Takes a record.
     pub fn take(&mut self, record: Record) {
-        let count = self.subapertures;
+        let (count, windows) = (self.subapertures, self.windows);
         match record {
             Record::Frame(frame) => self.frames.push(frame),
-            Record::Slopes { frame, first, items } => self.slopes.take(count, frame, first, &items),
+            Record::Slopes { frame, first, items } => {
+                self.slopes.take(windows, frame, first, &items);
+            }
             Record::Commands { frame, first, items } => {
                 self.commands.take(count, frame, first, &items);
             }
             Record::Codes { frame, first, items } => self.codes.take(count, frame, first, &items),
-            Record::Fluxes { frame, first, items } => self.fluxes.take(count, frame, first, &items),
+            Record::Fluxes { frame, first, items } => {
+                self.fluxes.take(windows, frame, first, &items);
+            }
             Record::Fault(fault) => self.faults.push(fault),
         }
     }
@@ -138,10 +144,10 @@ impl Recording {
         &self.frames
     }
 
-    /// Measurements of the last whole frame, and its number.
+    /// Measurements of all windows in the last whole frame, and its number.
     pub fn measurements(&self) -> Option<(u32, &[Measurement])> {
         let frame = *self.fluxes.frames.last()?;
-        let start = self.fluxes.items.len().checked_sub(self.subapertures)?;
+        let start = self.fluxes.items.len().checked_sub(self.windows)?;
         Some((frame, &self.fluxes.items[start..]))
     }
 
@@ -249,6 +255,7 @@ impl Recording {
                 "serial number the configuration is for, 0: any",
             )
             .with("NSUB", self.subapertures as i64, "subapertures")
+            .with("NWINDOWS", self.windows as i64, "windows: those of a second gate come last")
             .with("ULP", ulp_m(head), "[m] optical path per length ulp")
             .with("TICKS", status.ticks_per_second, "[Hz] ticks of the board's clock")
             .with("DROPPED", dropped, "records that the board dropped")

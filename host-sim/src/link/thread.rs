@@ -6,6 +6,7 @@ use rustix::event::PollFlags;
 use splash_firmware::banks::Banks;
 use splash_firmware::config::Config;
 use splash_firmware::link::Stack;
+use splash_firmware::modal::MAX_MODES;
 use splash_firmware::telemetry::Ring;
 use splash_server::{Port, controller, serve};
 use std::io::{self, ErrorKind, Read, Write};
@@ -29,12 +30,17 @@ pub struct Threaded {
 }
 
 impl Threaded {
-    /// Starts a server with the smallest capacities that hold `across` subapertures across the
-    /// pupil and so many window pixels. It ends with its link.
+    /// Starts a server with the smallest capacities that hold so many gates, `across` subapertures across
+    /// the pupil and so many window pixels. It ends with its link.
     ///
     /// # Errors
     /// The system's.
-    pub fn start(across: usize, pixels: usize, patience: Duration) -> io::Result<Self> {
+    pub fn start(
+        gates: usize,
+        across: usize,
+        pixels: usize,
+        patience: Duration,
+    ) -> io::Result<Self> {
         let (link, board) = UnixStream::pair()?;
         link.set_nonblocking(true)?;
         let (detector, frames) = mpsc::channel();
@@ -47,10 +53,12 @@ impl Threaded {
             flash: Nor::new(0, 0, true),
         };
         // Of telemetry, what a frame leaves.
-        let run: fn(Here) = match (across, pixels) {
-            (..=8, ..=16_384) => run::<64, 16_384, 16_384, 18>,
-            (..=16, ..=65_536) => run::<256, 65_536, 65_536, 66>,
-            _ => run::<1600, 1_638_400, 1_638_400, 402>,
+        let run: fn(Here) = match (gates, across, pixels) {
+            (1, ..=8, ..=16_384) => run::<64, 16_384, 16_384, 0, 18>,
+            (1, ..=16, ..=65_536) => run::<256, 65_536, 65_536, 0, 66>,
+            (1, ..) => run::<1600, 1_638_400, 1_638_400, 0, 402>,
+            (_, ..=16, ..=131_072) => run::<512, 131_072, 131_072, MAX_MODES, 130>,
+            _ => run::<3200, 3_276_800, 3_276_800, MAX_MODES, 802>,
         };
         std::thread::Builder::new().stack_size(STACK).spawn(move || run(port))?;
         Ok(Self { link, detector, patience })
@@ -58,12 +66,14 @@ impl Threaded {
 }
 
 /// Serves until the link ends.
-fn run<const M: usize, const P: usize, const B: usize, const R: usize>(mut port: Here) {
+fn run<const M: usize, const P: usize, const B: usize, const K: usize, const R: usize>(
+    mut port: Here,
+) {
     // A slot for the largest image: at most 5 bytes a window pixel, and less than 256 for each record of
     // a cell.
     let pages = (5 * P + 512 * M).div_ceil(PAGE) + 1;
     port.flash = Nor::new(2 * pages, 0, true);
-    let [mut running, mut other] = [(); 2].map(|()| Box::new(Config::<M, P, B>::new()));
+    let [mut running, mut other] = [(); 2].map(|()| Box::new(Config::<M, P, B, K>::new()));
     let (mut control, mut telemetry) = (Box::new(controller()), Box::new(Ring::<R>::new()));
     let banks = Banks::new(&mut running, &mut other);
     // It ends in one way only: the other end of the link is gone.

@@ -7,6 +7,7 @@ mod law;
 mod refused;
 mod rows;
 mod stability;
+mod told;
 
 use splash_firmware::centroid::Measurement;
 use splash_firmware::config::Config;

@@ -340,8 +340,8 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize, const R: us
 
     /// A pipe has no rate that is too low.
     fn usual_streams(&self) -> Decimation {
-        let subapertures = self.banks.running().subapertures();
-        Decimation::for_link(u32::MAX, self.frame_ns(), subapertures)
+        let config = self.banks.running();
+        Decimation::for_link(u32::MAX, self.frame_ns(), config.subapertures(), config.windows())
     }
 
     fn status(&self) -> Status {

@@ -379,8 +379,9 @@ impl<'q, const M: usize, const P: usize, const B: usize> Service<'q, M, P, B> {
     }
 
     fn usual_streams(&self) -> Decimation {
-        let frame_ns = self.running.timing().frame_ns();
-        Decimation::for_link(LINK_BYTES_PER_S, frame_ns, self.running.subapertures())
+        let (config, frame_ns) = (&self.running, self.running.timing().frame_ns());
+        let (subapertures, windows) = (config.subapertures(), config.windows());
+        Decimation::for_link(LINK_BYTES_PER_S, frame_ns, subapertures, windows)
     }
 
     fn status(&self, books: &Books) -> Status {
