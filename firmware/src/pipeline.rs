@@ -27,6 +27,7 @@ use crate::mirror::{Limits, Mirror};
 use crate::modal::{Modal, ModalConfig, Pair};
 pub use crate::probe::{Probe, Stage};
 use crate::readout::{Readout, Sink};
+use crate::redblack::RedBlack;
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
 use crate::schedule::Schedule;
 use crate::segments::{ACTUATORS, Position};
@@ -536,19 +537,16 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         self.shows_commands = self.global_tilt.is_none() && config.travel.is_free();
         let Self { control, sor, commands, mirror, .. } = self;
         let (newest, applied) = control.recording();
-        let mut asked = move |node: &Node| {
-            let (Some(&tilt_ulp), Some(piston_ulp)) =
-                (newest.get(node.place), sor.centred_piston(node.place, mean))
-            else {
-                return Position::default();
-            };
-            Position { piston_ulp, tilt_ulp }
-        };
         let step = if self.shows_commands {
+            #[cfg(armv7em)]
+            {
+                mirror.reach(config, sor.unknowns_mut(), newest, applied, mean)
+            }
+            #[cfg(not(armv7em))]
             mirror.pass_freely(
                 config,
                 config.nodes.iter().zip(applied),
-                move |(node, _)| asked(node),
+                move |(node, _)| asked(sor, newest, node, mean),
                 |(_, applied), position| *applied = position.tilt_ulp,
             )
         } else {
@@ -556,7 +554,7 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
                 config,
                 config.nodes.iter().zip(commands).zip(applied),
                 move |((node, command), _)| {
-                    let asked = asked(node);
+                    let asked = asked(sor, newest, node, mean);
                     **command = asked.tilt_ulp;
                     with_global(asked, node, global_tilt)
                 },
@@ -787,6 +785,20 @@ fn count(totals: &mut Totals, report: &Report) {
     add(&mut totals.stale_tilt, u32::from(report.global_tilt_stale));
     add(&mut totals.saturated_actuators, u32::from(report.saturated_actuators));
     add(&mut totals.slewed_actuators, u32::from(report.slewed_actuators));
+}
+
+/// The position asked of a segment: its command, and its piston, of which `mean` is taken off.
+#[inline(always)]
+fn asked<const M: usize>(
+    sor: &mut Sor<M>,
+    commands: &RedBlack<[i32; 2], M>,
+    node: &Node,
+    mean: i32,
+) -> Position {
+    match (commands.get(node.place), sor.centred_piston(node.place, mean)) {
+        (Some(&tilt_ulp), Some(piston_ulp)) => Position { piston_ulp, tilt_ulp },
+        _ => Position::default(),
+    }
 }
 
 /// The position asked of a segment, with the global tilt's.

@@ -23,6 +23,7 @@ pub struct RedBlack<T, const M: usize>([[T; M]; 2]);
 
 /// Where a padded node's value is: its colour's half and its place there, as one index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(transparent)]
 pub struct Place(u16);
 
 impl Place {

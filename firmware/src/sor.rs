@@ -138,6 +138,7 @@ impl Coupling {
 
 /// Where a subaperture is in the solver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(C)]
 pub struct Node {
     /// In every field on the grid.
     pub(crate) place: Place,
@@ -384,6 +385,12 @@ impl<const M: usize> Sor<M> {
         // |mean| is within 2^25; a pathological component may need the limit.
         unknown.go(mean.wrapping_neg() << 1);
         Some(unknown.piston())
+    }
+
+    /// Pistons and right-hand sides.
+    #[cfg(armv7em)]
+    pub(crate) const fn unknowns_mut(&mut self) -> &mut RedBlack<Unknown, M> {
+        &mut self.unknowns
     }
 
     /// The piston of a subaperture, ulp.
