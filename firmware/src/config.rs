@@ -8,7 +8,7 @@
 use crate::actuators::{Drive, Law, Response};
 use crate::calibration::Calibration;
 use crate::centroid::{self, EstimatorConfig, Template};
-use crate::control::{ControlConfig, Gains};
+use crate::control::{Changes, ControlConfig, Gains};
 use crate::error::ConfigError;
 use crate::fixed::LENGTH_BITS;
 use crate::gate::{GateTiming, Range, ShortFrame};
@@ -74,7 +74,7 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) gain_exponent: u32,
     pub(crate) control: ControlConfig,
     /// Per node; zero where there is no subaperture.
-    pub(crate) gains: RedBlack<Gains, M>,
+    pub(crate) changes: RedBlack<Changes, M>,
     pub(crate) tilt_max_age: u32,
     pub(crate) nodes: heapless::Vec<Node, M>,
     pub(crate) sor: SorConfig<M>,
@@ -126,7 +126,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             modal: ModalConfig::NONE,
             gain_exponent: 0,
             control: ControlConfig { mean: crate::slopes::MeanSlope::Remove, delay: 0 },
-            gains: RedBlack::new(Gains { keep: 0, take: 0 }),
+            changes: RedBlack::new(Changes::NONE),
             tilt_max_age: 0,
             nodes: heapless::Vec::new(),
             sor: SorConfig::EMPTY,
@@ -246,7 +246,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.modal.head = ModalHead::default();
         self.base_thresholds.clear();
         self.slopes.clear();
-        self.gains.fill(Gains::default());
+        self.changes.fill(Changes::NONE);
         self.schedule.colours.clear();
         self.segments.clear();
         self.responses.clear();
@@ -312,8 +312,8 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
 
     /// The gains of a subaperture whose node there is.
     pub(crate) fn set_gains(&mut self, i: usize, gains: Gains) {
-        if let Some(place) = self.nodes.get(i).and_then(|node| self.gains.get_mut(node.place)) {
-            *place = gains;
+        if let Some(place) = self.nodes.get(i).and_then(|node| self.changes.get_mut(node.place)) {
+            *place = gains.into();
         }
     }
 

@@ -24,7 +24,9 @@
 //! c' before its mean and limit is below 2^28. The mean is the sum (below 1600 x 2^28 < 2^39) times the
 //! floor of 2^24 / count: low by less than 1e-4 of itself, far below what the next frame removes again.
 
-use crate::fixed::{self, Sum, TILT_LIMIT, mul_high};
+#[cfg(any(target_arch = "riscv32", armv7em))]
+use crate::dsp::law;
+use crate::fixed::{self, TILT_LIMIT, mul_high};
 use crate::geometry::Grid;
 use crate::redblack::{COLOURS, Place, RedBlack};
 use crate::slopes::{MeanSlope, Slope};
@@ -42,6 +44,15 @@ pub struct Gains {
     pub keep: i16,
     /// g f.
     pub take: i16,
+}
+
+/// [`Gains`] as what is added to c: zero where there is no subaperture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C, align(4))]
+pub(crate) struct Changes {
+    /// keep - 1: of a subaperture below 0 and above -2^14, as 0 < g < 2.
+    drop: i16,
+    take: i16,
 }
 
 /// What the control law needs beside the gains.
@@ -85,7 +96,7 @@ const COUNT: i32 = (1 << GUARD_BITS) - 1;
 
 /// Floor of 2^29 / n for the mean over up to four neighbours, of which the upper half of its product
 /// with a sum of 8 x is; 0 for none.
-const INVERSE: [i32; 8] = [0, 1 << 29, 1 << 28, (1 << 29) / 3, 1 << 27, 0, 0, 0];
+pub(crate) static INVERSES: [i32; 8] = [0, 1 << 29, 1 << 28, (1 << 29) / 3, 1 << 27, 0, 0, 0];
 
 impl<const M: usize> Control<M> {
     pub(crate) const fn new() -> Self {
@@ -133,21 +144,65 @@ impl<const M: usize> Control<M> {
         &mut self,
         config: &ControlConfig,
         grid: &Grid,
-        gains: &RedBlack<Gains, M>,
+        changes: &RedBlack<Changes, M>,
     ) {
         let inverse = removal(config.mean, self.valid);
-        let [mean_x, mean_y] = self.sums.map(|sum| mean(sum, inverse));
-        let mut sums = [Sum::default(); 2];
+        let means = self.sums.map(|sum| mean(sum, inverse));
+        let [red, black] = COLOURS.map(|colour| self.update_colour(grid, colour, changes, means));
+        let ([red_c, red_d], [black_c, black_d]) = (red, black);
+        let sums = [red_c.wrapping_add(black_c), red_d.wrapping_add(black_d)];
+        let least = sums.map(|sum| mean(sum, inverse).wrapping_sub(TILT_LIMIT));
         for colour in COLOURS {
-            self.update_colour(grid, colour, gains, [mean_x, mean_y], &mut sums);
+            self.settle_colour(grid, colour, changes, least);
         }
-        let [least_c, least_d] =
-            sums.map(|sum| mean(sum.total(), inverse).wrapping_sub(TILT_LIMIT));
-        for colour in COLOURS {
+    }
+
+    /// The new commands of one colour's nodes with their mean still in them, of x less `means`, and the sums
+    /// of those that were measured.
+    fn update_colour(
+        &mut self,
+        grid: &Grid,
+        colour: usize,
+        changes: &RedBlack<Changes, M>,
+        means: [i32; 2],
+    ) -> [i64; 2] {
+        #[cfg(any(target_arch = "riscv32", armv7em))]
+        {
+            let Self { open_loop, command, .. } = self;
+            let sums = law::update(open_loop, command, changes, (grid, colour), means);
+            sums.unwrap_or_default()
+        }
+        #[cfg(not(any(target_arch = "riscv32", armv7em)))]
+        {
+            let mut sums = [0; 2];
+            let around = self.open_loop.sides(grid, colour).iter();
+            let open_loop = self.open_loop.nodes(grid, colour).iter().zip(around);
             let commands = self.command.nodes_mut(grid, colour).iter_mut();
-            for (command, gains) in commands.zip(gains.nodes(grid, colour)) {
-                if gains.present() {
-                    let [c, d] = *command;
+            for ((command, changes), (&own, around)) in
+                commands.zip(changes.nodes(grid, colour)).zip(open_loop)
+            {
+                changes.update(command, own, around, means, &mut sums);
+            }
+            sums
+        }
+    }
+
+    /// Takes the mean off the commands of one colour, of which `least` is less by their limit.
+    fn settle_colour(
+        &mut self,
+        grid: &Grid,
+        colour: usize,
+        changes: &RedBlack<Changes, M>,
+        least: [i32; 2],
+    ) {
+        #[cfg(any(target_arch = "riscv32", armv7em))]
+        let _ = law::settle(&mut self.command, changes, (grid, colour), least);
+        #[cfg(not(any(target_arch = "riscv32", armv7em)))]
+        {
+            let commands = self.command.nodes_mut(grid, colour).iter_mut();
+            for (command, changes) in commands.zip(changes.nodes(grid, colour)) {
+                if changes.present() {
+                    let ([c, d], [least_c, least_d]) = (*command, least);
                     *command = [
                         fixed::clamp_raised(c.wrapping_sub(least_c), TILT_LIMIT),
                         fixed::clamp_raised(d.wrapping_sub(least_d), TILT_LIMIT),
@@ -155,47 +210,6 @@ impl<const M: usize> Control<M> {
                 }
             }
         }
-    }
-
-    /// The new commands of one colour's nodes with their mean still in them, and the sums of those that
-    /// were measured.
-    ///
-    /// Not inlined: its loop needs all registers.
-    #[inline(never)]
-    fn update_colour(
-        &mut self,
-        grid: &Grid,
-        colour: usize,
-        gains: &RedBlack<Gains, M>,
-        [mean_x, mean_y]: [i32; 2],
-        sums: &mut [Sum; 2],
-    ) {
-        let [mut sum_c, mut sum_d] = *sums;
-        let around = self.open_loop.sides(grid, colour).iter();
-        let open_loop = self.open_loop.nodes(grid, colour).iter().zip(around);
-        let commands = self.command.nodes_mut(grid, colour).iter_mut();
-        for ((command, gains), (&[x, y], around)) in
-            commands.zip(gains.nodes(grid, colour)).zip(open_loop)
-        {
-            if gains.present() {
-                let [[xw, yw], [xe, ye], [xn, yn], [xs, ys]] = around;
-                let (around_x, around_y) = (sum([xw, xe, xn, xs]), sum([yw, ye, yn, ys]));
-                let valid = x & MEASURED;
-                let count = (around_x & COUNT) as usize;
-                let weight = INVERSE.get(count).map_or(0, |inverse| inverse & (valid - 1));
-                let x = (x >> GUARD_BITS).wrapping_add(mul_high(around_x & !COUNT, weight));
-                let y = (y >> GUARD_BITS).wrapping_add(mul_high(around_y, weight));
-                // Where x is not known nothing changes.
-                let gains = gains.masked((valid | weight).wrapping_neg() >> 31);
-                let [c, d] = *command;
-                let c = c.wrapping_add(gains.change(c, x.wrapping_sub(mean_x)));
-                let d = d.wrapping_add(gains.change(d, y.wrapping_sub(mean_y)));
-                *command = [c, d];
-                sum_c.add(c & valid.wrapping_neg());
-                sum_d.add(d & valid.wrapping_neg());
-            }
-        }
-        *sums = [sum_c, sum_d];
     }
 
     /// Makes the new commands of one colour, of the slopes that were taken since [`Control::begin`] and
@@ -207,7 +221,7 @@ impl<const M: usize> Control<M> {
         &mut self,
         config: &ControlConfig,
         grid: &Grid,
-        gains: &RedBlack<Gains, M>,
+        changes: &RedBlack<Changes, M>,
         part: impl Iterator<Item = Place>,
     ) {
         let inverse = removal(config.mean, self.valid.wrapping_add(self.retained));
@@ -219,12 +233,12 @@ impl<const M: usize> Control<M> {
             let [north, south] = [padded.wrapping_sub(grid.stride), padded + grid.stride].map(x_of);
             let around = [west, east, north, south].map(Option::unwrap_or_default);
             let (around_x, around_y) = (sum(around.map(|[x, _]| x)), sum(around.map(|[_, y]| y)));
-            let (Some(&[x, y]), Some(gains), Some(command)) =
-                (self.open_loop.get(place), gains.get(place), self.command.get_mut(place))
+            let (Some(&[x, y]), Some(changes), Some(command)) =
+                (self.open_loop.get(place), changes.get(place), self.command.get_mut(place))
             else {
                 continue;
             };
-            let weight = INVERSE.get((around_x & COUNT) as usize).copied().unwrap_or(0);
+            let weight = INVERSES.get((around_x & COUNT) as usize).copied().unwrap_or(0);
             let (x, y) = match (x & MEASURED != 0, weight > 0) {
                 (true, _) => (x >> GUARD_BITS, y >> GUARD_BITS),
                 (false, true) => (mul_high(around_x & !COUNT, weight), mul_high(around_y, weight)),
@@ -232,8 +246,10 @@ impl<const M: usize> Control<M> {
                 (false, false) => continue,
             };
             let [c, d] = *command;
-            let next =
-                |c, x: i32, mean| fixed::clamp(gains.next(c, x.wrapping_sub(mean)), TILT_LIMIT);
+            let next = |c: i32, x: i32, mean| {
+                let change = changes.change(c, x.wrapping_sub(mean));
+                fixed::clamp(c.wrapping_add(change), TILT_LIMIT)
+            };
             *command = [next(c, x, mean_x), next(d, y, mean_y)];
         }
     }
@@ -273,6 +289,11 @@ impl<const M: usize> Control<M> {
     pub(crate) fn recording(&mut self) -> (&RedBlack<[i32; 2], M>, &mut [[i32; 2]]) {
         self.advance();
         (&self.command, self.applied.get_mut(self.newest).map_or(&mut [], |newest| newest))
+    }
+
+    /// What the mirror shows without the global tilt, ulp, in subaperture order.
+    pub(crate) fn shown(&self) -> &[[i32; 2]] {
+        self.applied.get(self.newest).map_or(&[], |newest| newest)
     }
 
     /// Records what the mirror shows from now on, ulp.
@@ -381,57 +402,69 @@ impl<const M: usize> Taking<'_, M> {
     }
 }
 
-impl Gains {
+impl From<Gains> for Changes {
+    fn from(Gains { keep, take }: Gains) -> Self {
+        Self { drop: keep.wrapping_sub(1 << GAIN_BITS), take }
+    }
+}
+
+impl From<Changes> for Gains {
+    fn from(Changes { drop, take }: Changes) -> Self {
+        Self { keep: drop.wrapping_add(1 << GAIN_BITS), take }
+    }
+}
+
+impl Changes {
+    /// No subaperture.
+    pub(crate) const NONE: Self = Self { drop: 0, take: 0 };
+    /// One half.
+    #[cfg(target_arch = "riscv32")]
+    pub(crate) const HALF: i32 = 1 << (GAIN_BITS - 1);
+
     /// Whether there is a subaperture: with g > 0 and f > 0 none takes nothing.
+    #[cfg(not(any(target_arch = "riscv32", armv7em)))]
     #[inline(always)]
     const fn present(self) -> bool {
         self.take != 0
     }
 
-    /// keep c + take x.
-    #[inline(always)]
-    fn next(self, c: i32, x: i32) -> i32 {
-        c.wrapping_add(self.masked(!0).change(c, x))
-    }
-
-    /// How they change c, or that they do not, by a mask of ones or zeros.
-    #[inline(always)]
-    fn masked(self, mask: i32) -> Changes {
-        let drop = i32::from(self.keep).wrapping_sub(1 << GAIN_BITS);
-        Changes { drop: drop & mask, take: i32::from(self.take) & mask }
-    }
-}
-
-/// [`Gains`] as what is added to c.
-#[derive(Clone, Copy)]
-struct Changes {
-    /// keep - 1: above -2^15 - 2^13.
-    drop: i32,
-    take: i32,
-}
-
-impl Changes {
-    /// (keep - 1) c + take x, rounded once: a bias of an eighth of an ulp would pass through the mean into
+    /// drop c + take x, rounded once: a bias of an eighth of an ulp would pass through the mean into
     /// what is held, and add up there.
     #[inline(always)]
     fn change(self, c: i32, x: i32) -> i32 {
-        if cfg!(target_arch = "riscv32") {
-            self.change_in_parts(c, x)
-        } else {
-            let sum = i64::from(self.drop) * i64::from(c) + i64::from(self.take) * i64::from(x);
-            fixed::round_shift(sum, GAIN_BITS) as i32
-        }
+        let sum = i64::from(self.drop) * i64::from(c) + i64::from(self.take) * i64::from(x);
+        fixed::round_shift(sum, GAIN_BITS) as i32
     }
 
-    /// The same without 64 bits. The upper parts of c and x, a whole number of 2^13, need no rounding;
-    /// with the lower ones the products are below 2^28.4 each.
+    /// Makes the new command of a subaperture, from 8 x of itself and its neighbours less `means`, and adds
+    /// it to `sums` if it was measured.
+    #[cfg(not(any(target_arch = "riscv32", armv7em)))]
     #[inline(always)]
-    fn change_in_parts(self, c: i32, x: i32) -> i32 {
-        const LOW: i32 = (1 << GAIN_BITS) - 1;
-        let product =
-            |c: i32, x: i32| self.drop.wrapping_mul(c).wrapping_add(self.take.wrapping_mul(x));
-        let low = product(c & LOW, x & LOW).wrapping_add(1 << (GAIN_BITS - 1));
-        product(c >> GAIN_BITS, x >> GAIN_BITS).wrapping_add(low >> GAIN_BITS)
+    pub(crate) fn update(
+        self,
+        command: &mut [i32; 2],
+        [x, y]: [i32; 2],
+        around: [[i32; 2]; 4],
+        [mean_x, mean_y]: [i32; 2],
+        [sum_c, sum_d]: &mut [i64; 2],
+    ) {
+        if !self.present() {
+            return;
+        }
+        let (around_x, around_y) = (sum(around.map(|[x, _]| x)), sum(around.map(|[_, y]| y)));
+        let valid = x & MEASURED;
+        let count = (around_x & COUNT) as usize;
+        let weight = INVERSES.get(count).map_or(0, |inverse| inverse & (valid - 1));
+        let x = (x >> GUARD_BITS).wrapping_add(mul_high(around_x & !COUNT, weight));
+        let y = (y >> GUARD_BITS).wrapping_add(mul_high(around_y, weight));
+        // Where x is not known nothing changes.
+        let known = (valid | weight).wrapping_neg() >> 31;
+        let [c, d] = *command;
+        let c = c.wrapping_add(self.change(c, x.wrapping_sub(mean_x)) & known);
+        let d = d.wrapping_add(self.change(d, y.wrapping_sub(mean_y)) & known);
+        *command = [c, d];
+        *sum_c = sum_c.wrapping_add((c & valid.wrapping_neg()).into());
+        *sum_d = sum_d.wrapping_add((d & valid.wrapping_neg()).into());
     }
 }
 

@@ -1,6 +1,6 @@
 //! Packed kernels behind safe functions: the one module of the library with `unsafe` in it.
 //!
-//! A kernel here computes the integers of its portable twin in `pixels`, `centroid` and `sor`, bit for
+//! A kernel here computes the integers of its portable twin in `pixels`, `centroid`, `control` and `sor`, bit for
 //! bit, and is tested against it. A target without one uses the twin.
 //!
 //! | module | where | pixels at a time |
@@ -10,7 +10,9 @@
 //! | `rv32` | RISC-V of 32 bits, ordinary instructions, 12 bits | 2 |
 //! | `rv32_wide` | the same, up to 16 bits | 1 |
 //!
-//! and `relax`, a relaxation step of the pistons, for RISC-V and the Cortex-M7.
+//! and for RISC-V and the Cortex-M7 what is done to all nodes: `law`, the integrator, `edges`, the right-hand
+//! side, `relax`, a relaxation step of the pistons, and `totals`; for the Cortex-M7 alone `reach`, what segments
+//! of a free mirror show. The suite, whose digests are the same on host and boards, is the test of these.
 
 #[cfg(any(target_arch = "riscv32", armv7em, test))]
 use crate::centroid::{RowSums, WholeWindows};
@@ -26,8 +28,23 @@ pub(crate) mod rv32;
 #[cfg(any(target_arch = "riscv32", test))]
 pub(crate) mod rv32_wide;
 
+#[cfg(any(target_arch = "riscv32", armv7em))]
+pub(crate) mod edges;
+
+#[cfg(any(target_arch = "riscv32", armv7em))]
+pub(crate) mod law;
+
+#[cfg(armv7em)]
+pub(crate) mod reach;
+
 #[cfg(any(target_arch = "riscv32", armv7em, test))]
 pub(crate) mod relax;
+
+#[cfg(any(target_arch = "riscv32", armv7em))]
+pub(crate) mod totals;
+
+#[cfg(any(target_arch = "riscv32", armv7em))]
+mod walk;
 
 #[cfg(any(armv7em, test))]
 pub(crate) mod armv7em;

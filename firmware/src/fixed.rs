@@ -89,33 +89,6 @@ pub fn narrow(x: i64) -> i32 {
     (x as i32 & !beyond) | ((sign ^ ((1 << 30) - 1)) & beyond)
 }
 
-/// A sum of up to 2^14 numbers within 2^28, of 32-bit words: all of it modulo 2^32, and that without its
-/// lowest bits.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Sum {
-    low: i32,
-    high: i32,
-}
-
-impl Sum {
-    /// Bits that `high` is without: what they sum up to is below 2^28.
-    const BITS: u32 = 14;
-
-    /// Adds `x`.
-    #[inline(always)]
-    pub const fn add(&mut self, x: i32) {
-        self.low = self.low.wrapping_add(x);
-        self.high = self.high.wrapping_add(x >> Self::BITS);
-    }
-
-    /// The sum.
-    #[must_use]
-    pub const fn total(self) -> i64 {
-        let rest = self.low.wrapping_sub(self.high << Self::BITS) as u32;
-        ((self.high as i64) << Self::BITS) + rest as i64
-    }
-}
-
 /// The upper half of `a * b`: SMMUL on a Cortex-M7, MULH on RISC-V.
 #[inline(always)]
 pub const fn mul_high(a: i32, b: i32) -> i32 {
@@ -282,7 +255,7 @@ const fn roots() -> [u32; ROOT_CELLS] {
     table
 }
 
-/// Leading zeros rounded down to a multiple of four, 28 at most.
+/// Leading zeros rounded down to a multiple of four, 28 at most; of 0 any of these.
 #[inline(always)]
 fn leading_nibbles(x: u32) -> u32 {
     if cfg!(target_arch = "riscv32") {
@@ -300,7 +273,7 @@ fn leading_nibbles(x: u32) -> u32 {
         }
         shift
     } else {
-        (x | 1).leading_zeros() & !3
+        x.leading_zeros() & 28
     }
 }
 

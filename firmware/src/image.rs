@@ -286,7 +286,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         Some(Subaperture {
             base_threshold: *self.base_thresholds.get(i)?,
             slope: *self.slopes.get(i)?,
-            gains: *self.gains.get(self.nodes.get(i)?.place)?,
+            gains: (*self.changes.get(self.nodes.get(i)?.place)?).into(),
             colour: *self.schedule.colours.get(i)?,
             segment: *self.segments.get(i)?,
             responses: *self.responses.get(i)?,

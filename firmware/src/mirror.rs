@@ -15,7 +15,13 @@
 
 use crate::actuators::{self, Drive, Law};
 use crate::config::Config;
+#[cfg(armv7em)]
+use crate::dsp::reach::{Subapertures, reach};
+#[cfg(armv7em)]
+use crate::redblack::RedBlack;
 use crate::segments::{self, ACTUATORS, FARTHEST, Move, Position, Segment};
+#[cfg(armv7em)]
+use crate::sor::Unknown;
 use core::fmt;
 use serde::{Deserialize, Serialize};
 
@@ -167,6 +173,28 @@ impl<const M: usize> Mirror<M> {
             step
         });
         Step { mirror: self, limits }
+    }
+
+    /// [`Mirror::pass_freely`] of commands and of pistons less `mean`, which what is shown is recorded of.
+    #[cfg(armv7em)]
+    #[inline(always)]
+    pub(crate) fn reach<const P: usize, const B: usize, const K: usize>(
+        &mut self,
+        config: &Config<M, P, B, K>,
+        unknowns: &mut RedBlack<Unknown, M>,
+        commands: &RedBlack<[i32; 2], M>,
+        applied: &mut [[i32; 2]],
+        mean: i32,
+    ) -> Step<'_, M> {
+        let all = Subapertures {
+            nodes: &config.nodes,
+            segments: &config.segments,
+            applied,
+            positions: &mut self.positions,
+            heights_ulp: &mut self.heights_ulp,
+        };
+        let saturated = reach(all, unknowns, commands, mean, config.travel.ratio_bits);
+        Step { mirror: self, limits: Limits { saturated: saturated as u16, slewed: 0 } }
     }
 
     /// [`Mirror::pass`] with codes, away from the frame path: `ask` has a subaperture and its position.

@@ -27,6 +27,7 @@ use crate::mirror::{Limits, Mirror};
 use crate::modal::{Modal, ModalConfig, Pair};
 pub use crate::probe::{Probe, Stage};
 use crate::readout::{Readout, Sink};
+use crate::redblack::RedBlack;
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
 use crate::schedule::Schedule;
 use crate::segments::{ACTUATORS, Position};
@@ -72,8 +73,10 @@ pub struct Pipeline<const M: usize, const B: usize, const K: usize = 0> {
     saturated_pixels: u32,
     control: Control<M>,
     modal: Modal<K>,
-    /// In subaperture order: those of the control law, which has them on the grid.
+    /// In subaperture order: those of the control law, which has them on the grid. Where the mirror shows
+    /// them as they are, what it shows.
     commands: [[i32; 2]; M],
+    shows_commands: bool,
     sor: Sor<M>,
     mirror: Mirror<M>,
 }
@@ -117,6 +120,7 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
             control: Control::new(),
             modal: Modal::new(),
             commands: [[0; 2]; M],
+            shows_commands: false,
             sor: Sor::new(),
             mirror: Mirror::new(),
         }
@@ -149,6 +153,7 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         self.sor.reset();
         self.slopes.as_flattened_mut().fill(Slope::default());
         self.commands.fill([0; 2]);
+        self.shows_commands = false;
     }
 
     /// Starts frame `frame`. An unfinished one is dropped and counted.
@@ -425,6 +430,7 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
 
     /// Commands become what the mirror shows.
     fn show<const P: usize>(&mut self, config: &Config<M, P, B, K>) {
+        self.shows_commands = false;
         let shown = config.nodes.iter().zip(self.mirror.positions());
         for ((node, position), command) in shown.zip(&mut self.commands) {
             self.control.adopt(node.place, position.tilt_ulp);
@@ -509,13 +515,13 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
             let part = config.nodes.iter().zip(&config.schedule.colours);
             let part = part.filter(|(_, colour)| **colour == self.colour);
             let places = part.map(|(node, _)| node.place);
-            self.control.update_part(&config.control, grid, &config.gains, places);
+            self.control.update_part(&config.control, grid, &config.changes, places);
             warm_sweeps = config.schedule.sweeps;
         } else {
             if config.modal.is_on() {
                 self.modal.correct(&config.modal, &config.nodes, &mut self.control);
             }
-            self.control.update(&config.control, grid, &config.gains);
+            self.control.update(&config.control, grid, &config.changes);
         }
         probe.after(Stage::Control);
 
@@ -527,32 +533,31 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         let mean = self.sor.common_mean(&config.sor, &config.nodes, &totals);
         probe.after(Stage::Sor);
 
-        let given = self.global_tilt.is_some();
+        // Most instruments' frames: nothing is added, and commands are within their limits.
+        self.shows_commands = self.global_tilt.is_none() && config.travel.is_free();
         let Self { control, sor, commands, mirror, .. } = self;
         let (newest, applied) = control.recording();
-        let items = config.nodes.iter().zip(commands).zip(applied);
-        let mut asked = move |node: &Node, command: &mut [i32; 2]| {
-            let (Some(&newest), Some(piston_ulp)) =
-                (newest.get(node.place), sor.centred_piston(node.place, mean))
-            else {
-                return Position::default();
-            };
-            *command = newest;
-            Position { piston_ulp, tilt_ulp: newest }
-        };
-        let step = if !given && config.travel.is_free() {
-            // Most instruments' frames: nothing is added, and commands are within their limits.
+        let step = if self.shows_commands {
+            #[cfg(armv7em)]
+            {
+                mirror.reach(config, sor.unknowns_mut(), newest, applied, mean)
+            }
+            #[cfg(not(armv7em))]
             mirror.pass_freely(
                 config,
-                items,
-                move |((node, command), _)| asked(node, command),
+                config.nodes.iter().zip(applied),
+                move |(node, _)| asked(sor, newest, node, mean),
                 |(_, applied), position| *applied = position.tilt_ulp,
             )
         } else {
             mirror.pass(
                 config,
-                items,
-                move |((node, command), _)| with_global(asked(node, command), node, global_tilt),
+                config.nodes.iter().zip(commands).zip(applied),
+                move |((node, command), _)| {
+                    let asked = asked(sor, newest, node, mean);
+                    **command = asked.tilt_ulp;
+                    with_global(asked, node, global_tilt)
+                },
                 move |(_, applied), position| {
                     let ([tip, tilt], [global_tip, global_tilt]) = (position.tilt_ulp, global_tilt);
                     *applied = [tip.wrapping_sub(global_tip), tilt.wrapping_sub(global_tilt)];
@@ -638,7 +643,8 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
     /// The tip/tilt commands, without the global tilt, ulp, in subaperture order.
     #[must_use]
     pub fn commands(&self) -> &[[i32; 2]] {
-        self.commands.get(..self.mirror.subapertures()).unwrap_or_default()
+        let commands = if self.shows_commands { self.control.shown() } else { &self.commands };
+        commands.get(..self.mirror.subapertures()).unwrap_or_default()
     }
 
     /// Piston, tip and tilt of every segment after all limits, in subaperture order.
@@ -779,6 +785,20 @@ fn count(totals: &mut Totals, report: &Report) {
     add(&mut totals.stale_tilt, u32::from(report.global_tilt_stale));
     add(&mut totals.saturated_actuators, u32::from(report.saturated_actuators));
     add(&mut totals.slewed_actuators, u32::from(report.slewed_actuators));
+}
+
+/// The position asked of a segment: its command, and its piston, of which `mean` is taken off.
+#[inline(always)]
+fn asked<const M: usize>(
+    sor: &mut Sor<M>,
+    commands: &RedBlack<[i32; 2], M>,
+    node: &Node,
+    mean: i32,
+) -> Position {
+    match (commands.get(node.place), sor.centred_piston(node.place, mean)) {
+        (Some(&tilt_ulp), Some(piston_ulp)) => Position { piston_ulp, tilt_ulp },
+        _ => Position::default(),
+    }
 }
 
 /// The position asked of a segment, with the global tilt's.

@@ -23,6 +23,7 @@ pub struct RedBlack<T, const M: usize>([[T; M]; 2]);
 
 /// Where a padded node's value is: its colour's half and its place there, as one index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(transparent)]
 pub struct Place(u16);
 
 impl Place {
@@ -61,45 +62,6 @@ impl<'a, T: Copy> Sides<'a, T> {
             let west = core::mem::replace(&mut next, east);
             [west, east, north, south]
         })
-    }
-}
-
-/// Calls `each` with one place's values after the other and its west, east, north and south, as far as there
-/// are all of them.
-///
-/// Two places a turn on RISC-V, which halves the steps of pointers and moves nothing for the next west: what
-/// compilers do by themselves for other machines.
-#[inline(always)]
-pub(crate) fn each_with_sides<A, B, C, T: Copy>(
-    a: &mut [A],
-    b: &[B],
-    c: &[C],
-    sides: Sides<'_, T>,
-    mut each: impl FnMut(&mut A, &B, &C, [T; 4]),
-) {
-    if !cfg!(target_arch = "riscv32") {
-        for (((a, b), c), sides) in a.iter_mut().zip(b).zip(c).zip(sides.iter()) {
-            each(a, b, c, sides);
-        }
-        return;
-    }
-    let Sides { mut west, east, north, south } = sides;
-    let ((a, a_rest), (b, b_rest)) = (a.as_chunks_mut::<2>(), b.as_chunks::<2>());
-    let ((c, c_rest), (east, east_rest)) = (c.as_chunks::<2>(), east.as_chunks::<2>());
-    let ((north, north_rest), (south, south_rest)) =
-        (north.as_chunks::<2>(), south.as_chunks::<2>());
-    let own = a.iter_mut().zip(b).zip(c);
-    for (((a, b), c), (east, (north, south))) in own.zip(east.iter().zip(north.iter().zip(south))) {
-        let ([a0, a1], [b0, b1], [c0, c1]) = (a, b, c);
-        let ([e0, e1], [n0, n1], [s0, s1]) = (*east, *north, *south);
-        each(a0, b0, c0, [west, e0, n0, s0]);
-        each(a1, b1, c1, [e0, e1, n1, s1]);
-        west = e1;
-    }
-    if let ([a], [b], [c], [east], [north], [south]) =
-        (a_rest, b_rest, c_rest, east_rest, north_rest, south_rest)
-    {
-        each(a, b, c, [west, *east, *north, *south]);
     }
 }
 
@@ -183,9 +145,17 @@ impl<T: Copy + Default, const M: usize> RedBlack<T, M> {
         self.0.as_flattened_mut().iter_mut()
     }
 
+    /// One colour's half.
     #[inline(always)]
-    fn half(&self, colour: usize) -> &[T; M] {
+    pub(crate) fn half(&self, colour: usize) -> &[T; M] {
         let [red, black] = &self.0;
+        if colour == 0 { red } else { black }
+    }
+
+    /// The same, to write.
+    #[inline(always)]
+    pub(crate) fn half_mut(&mut self, colour: usize) -> &mut [T; M] {
+        let [red, black] = &mut self.0;
         if colour == 0 { red } else { black }
     }
 
@@ -200,9 +170,7 @@ impl<T: Copy + Default, const M: usize> RedBlack<T, M> {
     #[inline(always)]
     pub(crate) fn nodes_mut(&mut self, grid: &Grid, colour: usize) -> &mut [T] {
         let at = Offsets::new(grid, colour);
-        let [red, black] = &mut self.0;
-        let half = if colour == 0 { red } else { black };
-        half.get_mut(at.own..at.own + at.places).unwrap_or_default()
+        self.half_mut(colour).get_mut(at.own..at.own + at.places).unwrap_or_default()
     }
 
     /// The neighbours of the nodes of one colour.

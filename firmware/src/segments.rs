@@ -45,13 +45,14 @@ pub(crate) const INFLUENCE_BITS: u32 = 13;
 pub(crate) const RATIO_BITS: (u32, u32) = (10, 15);
 
 /// Bits that a product of a ratio and a tilt drops at once, so that it fits 32.
-const DROPPED: u32 = 9;
+pub(crate) const DROPPED: u32 = 9;
 
 /// Farthest limit from flat, ulp: the stroke, 2^25, at an influence of a quarter.
 pub(crate) const FARTHEST: i32 = 1 << 27;
 
 /// One segment's mechanics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[repr(C)]
 pub struct Segment {
     /// Height per tip and per tilt over height per piston, in 10 to 15 fraction bits: those of the configuration.
     pub ratios: [[i16; 2]; ACTUATORS],
@@ -79,6 +80,7 @@ pub(crate) struct Travel {
 /// Piston, tip and tilt of a segment, ulp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[repr(C)]
 pub struct Position {
     /// Piston, optical path difference.
     pub piston_ulp: i32,

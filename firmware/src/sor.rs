@@ -28,12 +28,12 @@
 //! wavefront error, where a cold start would leave 40-50 %.
 
 #[cfg(any(target_arch = "riscv32", armv7em))]
-use crate::dsp::relax::Lines;
-use crate::fixed::{self, PISTON_LIMIT, Sum};
+use crate::dsp::{edges, relax::Lines, totals};
+use crate::fixed::{self, PISTON_LIMIT};
 use crate::geometry::Grid;
 #[cfg(any(target_arch = "riscv32", armv7em))]
 use crate::redblack::Offsets;
-use crate::redblack::{COLOURS, Place, RedBlack, each_with_sides};
+use crate::redblack::{COLOURS, Place, RedBlack};
 
 /// What a relaxation step needs of the pupil.
 #[derive(Debug)]
@@ -92,16 +92,6 @@ impl Coupling {
         self.0 & 7
     }
 
-    #[inline(always)]
-    const fn dx(self) -> i32 {
-        self.0 << 27 >> 30
-    }
-
-    #[inline(always)]
-    const fn dy(self) -> i32 {
-        self.0 << 25 >> 30
-    }
-
     /// What residuals are multiplied by: the step, with the lowest byte left in.
     #[cfg(test)]
     pub(crate) const fn multiplier(self) -> i32 {
@@ -112,21 +102,43 @@ impl Coupling {
     #[cfg(not(any(target_arch = "riscv32", armv7em)))]
     #[inline(always)]
     pub(crate) fn relax(self, own: &mut Unknown, sides: [Unknown; 4]) {
-        // Twice the step, rounded down: |2 r| < 2^29.
-        own.go(fixed::mul_high(self.0, self.residual(*own, sides) << 2));
+        // Twice the step, rounded down: |8 r| < 2^31.
+        own.go(fixed::mul_high(self.0, self.residual(*own, sides)));
     }
 
-    /// 2 r = 2 (b + sum of the neighbours - degree p).
+    /// 8 r = 8 (b + sum of the neighbours - degree p).
+    #[cfg(not(any(target_arch = "riscv32", armv7em)))]
     #[inline(always)]
     fn residual(self, own: Unknown, [w, e, n, s]: [Unknown; 4]) -> i32 {
         let around =
             w.doubled.wrapping_add(e.doubled).wrapping_add(n.doubled.wrapping_add(s.doubled));
-        own.rhs.wrapping_add(around).wrapping_sub(own.doubled.wrapping_mul(self.degree()))
+        let differences = around.wrapping_sub(own.doubled.wrapping_mul(self.degree()));
+        own.rhs.wrapping_add(differences << 2)
+    }
+
+    /// 8 b of a node that is there, from tip and tilt of it and its neighbours.
+    #[cfg(not(any(target_arch = "riscv32", armv7em)))]
+    #[inline(always)]
+    fn edges(self, [x, y]: [i32; 2], [[xw, _], [xe, _], [_, yn], [_, ys]]: [[i32; 2]; 4]) -> i32 {
+        let (dx, dy) = (self.0 << 27 >> 30, self.0 << 25 >> 30);
+        let across = xw.wrapping_sub(xe).wrapping_add(x.wrapping_mul(dx));
+        let down = yn.wrapping_sub(ys).wrapping_add(y.wrapping_mul(dy));
+        across.wrapping_add(down) << 3
+    }
+
+    /// Adds a node that is there to the sums.
+    #[cfg(not(any(target_arch = "riscv32", armv7em)))]
+    #[inline(always)]
+    fn total(self, own: Unknown, sides: [Unknown; 4], totals: &mut Totals) {
+        let r = i64::from(self.residual(own, sides) >> 6);
+        totals.residual_squared = totals.residual_squared.wrapping_add(r.wrapping_mul(r) as u64);
+        totals.doubled = totals.doubled.wrapping_add(own.doubled.into());
     }
 }
 
 /// Where a subaperture is in the solver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(C)]
 pub struct Node {
     /// In every field on the grid.
     pub(crate) place: Place,
@@ -154,7 +166,7 @@ pub(crate) struct Unknown {
     /// -p_i, from which constants go. With its upper end at 0 a mask limits it, and half an ulp up, a
     /// step in halves of an ulp is rounded by setting its last bit.
     pub(crate) doubled: i32,
-    /// 2 b.
+    /// 8 b.
     pub(crate) rhs: i32,
 }
 
@@ -177,12 +189,12 @@ impl Unknown {
 }
 
 /// Sums over all nodes.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Totals {
     /// Of (r / 8)^2: |r / 8| < 2^25 and at most 1600 nodes, below 2^61.
     pub(crate) residual_squared: u64,
     /// Of the doubled pistons.
-    doubled: i64,
+    pub(crate) doubled: i64,
 }
 
 /// Pistons and right-hand side of the relaxation.
@@ -208,6 +220,7 @@ impl<const M: usize> Sor<M> {
     }
 
     /// The right-hand side from tips and tilts, ulp, which are zero outside the mask.
+    #[inline(never)]
     pub fn load(&mut self, config: &SorConfig<M>, tilts: &RedBlack<[i32; 2], M>) {
         if !self.warm {
             self.start(config);
@@ -217,23 +230,22 @@ impl<const M: usize> Sor<M> {
         }
     }
 
-    /// Not inlined: it needs all registers.
-    #[inline(never)]
     fn load_colour(&mut self, config: &SorConfig<M>, tilts: &RedBlack<[i32; 2], M>, colour: usize) {
-        let grid = &config.grid;
-        each_with_sides(
-            self.unknowns.nodes_mut(grid, colour),
-            config.couplings.nodes(grid, colour),
-            tilts.nodes(grid, colour),
-            tilts.sides(grid, colour),
-            |unknown, coupling, &[x, y], [[xw, _], [xe, _], [_, yn], [_, ys]]| {
+        let SorConfig { grid, couplings, .. } = config;
+        #[cfg(any(target_arch = "riscv32", armv7em))]
+        let _ = edges::load(tilts, &mut self.unknowns, couplings, (grid, colour));
+        #[cfg(not(any(target_arch = "riscv32", armv7em)))]
+        {
+            let own = tilts.nodes(grid, colour).iter().zip(tilts.sides(grid, colour).iter());
+            let unknowns = self.unknowns.nodes_mut(grid, colour).iter_mut();
+            for ((unknown, coupling), (&own, sides)) in
+                unknowns.zip(couplings.nodes(grid, colour)).zip(own)
+            {
                 if coupling.present() {
-                    let across = xw.wrapping_sub(xe).wrapping_add(x.wrapping_mul(coupling.dx()));
-                    let down = yn.wrapping_sub(ys).wrapping_add(y.wrapping_mul(coupling.dy()));
-                    unknown.rhs = across.wrapping_add(down) << 1;
+                    unknown.rhs = coupling.edges(own, sides);
                 }
-            },
-        );
+            }
+        }
     }
 
     /// Pistons of 0.
@@ -289,6 +301,7 @@ impl<const M: usize> Sor<M> {
     }
 
     /// What is known of all nodes together.
+    #[inline(never)]
     pub(crate) fn totals(&self, config: &SorConfig<M>) -> Totals {
         let [red, black] = COLOURS.map(|colour| self.totals_of(config, colour));
         Totals {
@@ -297,24 +310,24 @@ impl<const M: usize> Sor<M> {
         }
     }
 
-    /// Not inlined: it needs all registers.
-    #[inline(never)]
     fn totals_of(&self, config: &SorConfig<M>, colour: usize) -> Totals {
-        let (grid, mut squares, mut doubled) = (&config.grid, 0u64, Sum::default());
-        let (unknowns, couplings) =
-            (self.unknowns.nodes(grid, colour), config.couplings.nodes(grid, colour));
-        // Nothing is written.
-        let mut none = [(); M];
-        let none = none.get_mut(..unknowns.len()).unwrap_or_default();
-        let sides = self.unknowns.sides(grid, colour);
-        each_with_sides(none, unknowns, couplings, sides, |(), unknown, coupling, sides| {
-            if coupling.present() {
-                let r = i64::from(coupling.residual(*unknown, sides) >> 4);
-                squares = squares.wrapping_add(r.wrapping_mul(r) as u64);
-                doubled.add(unknown.doubled);
+        let SorConfig { grid, couplings, .. } = config;
+        #[cfg(any(target_arch = "riscv32", armv7em))]
+        {
+            totals::totals(&self.unknowns, couplings, (grid, colour)).unwrap_or_default()
+        }
+        #[cfg(not(any(target_arch = "riscv32", armv7em)))]
+        {
+            let mut totals = Totals::default();
+            let own = self.unknowns.nodes(grid, colour).iter();
+            let sides = self.unknowns.sides(grid, colour).iter();
+            for ((&own, coupling), sides) in own.zip(couplings.nodes(grid, colour)).zip(sides) {
+                if coupling.present() {
+                    coupling.total(own, sides, &mut totals);
+                }
             }
-        });
-        Totals { residual_squared: squares, doubled: doubled.total() }
+            totals
+        }
     }
 
     /// Takes the mean piston off each connected component.
@@ -372,6 +385,12 @@ impl<const M: usize> Sor<M> {
         // |mean| is within 2^25; a pathological component may need the limit.
         unknown.go(mean.wrapping_neg() << 1);
         Some(unknown.piston())
+    }
+
+    /// Pistons and right-hand sides.
+    #[cfg(armv7em)]
+    pub(crate) const fn unknowns_mut(&mut self) -> &mut RedBlack<Unknown, M> {
+        &mut self.unknowns
     }
 
     /// The piston of a subaperture, ulp.

@@ -5,6 +5,8 @@
 //! in turn. Where there is no node only the east is read. So the mask decides about time, and never what a
 //! piston is.
 
+#[cfg(any(target_arch = "riscv32", armv7em))]
+use super::walk::first_turn;
 use crate::redblack::Offsets;
 #[cfg(any(target_arch = "riscv32", armv7em))]
 use crate::sor::ROOM;
@@ -12,11 +14,8 @@ use crate::sor::{Coupling, Unknown};
 use core::marker::PhantomData;
 
 /// Places a turn.
-#[cfg(target_arch = "riscv32")]
+#[cfg(any(target_arch = "riscv32", armv7em))]
 const TURN: usize = 8;
-/// Places a turn.
-#[cfg(armv7em)]
-const TURN: usize = 4;
 
 /// The places of one colour.
 #[derive(Clone, Copy, Debug)]
@@ -106,8 +105,7 @@ impl Line {
     #[inline(always)]
     unsafe fn relax(&self) {
         let Self { own, west, east, north, south, couplings, places } = *self;
-        // Places by which the first turn's pointers are before the first place: it is entered behind them.
-        let back = TURN - places % TURN;
+        let back = first_turn(places, TURN);
         let end = own.wrapping_add(places).wrapping_sub(TURN);
         // SAFETY: `west` is valid.
         let west = unsafe { (*west).doubled };
@@ -193,7 +191,7 @@ mod tests {
                 let rhs = between(-(1 << 25), 1 << 25);
                 *couplings.get_mut(Place::new::<M>(f)).expect("on the grid") = coupling;
                 *nodes.get_mut(Place::new::<M>(f)).expect("on the grid") =
-                    Unknown { doubled: (2 * (piston - limit) + 1) as i32, rhs: (2 * rhs) as i32 };
+                    Unknown { doubled: (2 * (piston - limit) + 1) as i32, rhs: (8 * rhs) as i32 };
                 pistons[f] = piston;
                 cells.push((f, degree, rhs, i64::from(coupling.multiplier())));
             }

@@ -6,16 +6,15 @@
     cbz r0, 99f
     ldr {x}, [{north}, #\node]
     ldr {y}, [{south}, #\node]
-    // 2 r.
+    // 8 r.
     add \west, \east
     add {x}, {y}
     add \west, {x}
     ldrd {p}, {y}, [{own}, #\node]
-    add \west, {y}
-    and {y}, r0, #7
-    mls \west, {p}, {y}, \west
+    and {x}, r0, #7
+    mls \west, {p}, {x}, \west
+    add \west, {y}, \west, lsl #2
     // The step.
-    lsl \west, \west, #2
     smmla {p}, \west, r0, {p}
     // The upper limit, the lower one, which an instruction holds, and rounding.
     and {p}, {p}, {p}, asr #31
@@ -27,21 +26,32 @@
 99:
 .endm
 
+    cmp {x}, #4
+    bgt 2f
+    beq 14f
     cmp {x}, #2
     blt 11f
     beq 12f
-    cmp {x}, #3
-    beq 13f
-    b 14f
-3:  add {couplings}, #16
-    add {own}, #32
-    add {east}, #32
-    add {north}, #32
-    add {south}, #32
+    b 13f
+2:  cmp {x}, #6
+    blt 15f
+    beq 16f
+    cmp {x}, #7
+    beq 17f
+    b 18f
+3:  add {couplings}, #32
+    add {own}, #64
+    add {east}, #64
+    add {north}, #64
+    add {south}, #64
     place 0, {a}, {b}
 11: place 8, {b}, {a}
 12: place 16, {a}, {b}
 13: place 24, {b}, {a}
-14: cmp {own}, {end}
+14: place 32, {a}, {b}
+15: place 40, {b}, {a}
+16: place 48, {a}, {b}
+17: place 56, {b}, {a}
+18: cmp {own}, {end}
     bne 3b
 .purgem place

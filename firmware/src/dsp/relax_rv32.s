@@ -8,16 +8,16 @@
     lw {y}, \node({south})
     lw {p}, \node({own})
     lw {rhs}, \node + 4({own})
-    // 2 r.
+    // 8 r.
     add \west, \west, \east
     add {x}, {x}, {y}
     andi {y}, {k}, 7
     mul {y}, {y}, {p}
     add \west, \west, {x}
-    add \west, \west, {rhs}
     sub \west, \west, {y}
-    // The step.
     slli \west, \west, 2
+    add \west, \west, {rhs}
+    // The step.
     mulh \west, \west, {k}
     add {p}, {p}, \west
     // The upper limit, the lower one, and rounding.

@@ -1,0 +1,38 @@
+// A right-hand side, `node` bytes from where the pointers of nodes are. `west` becomes its own; `east` is
+// the next place's west. Loads stand apart from what needs them.
+.macro place node, west, east
+    lw {k}, \node / 2({each})
+    lw \east, \node({east})
+    beqz {k}, 99f
+    lw {x}, \node({own})
+    lw {y}, \node + 4({own})
+    lw {n}, \node + 4({north})
+    lw {s}, \node + 4({south})
+    sub \west, \west, \east
+    // n_w - n_e, and n_n - n_s.
+    slli {t}, {k}, 27
+    srai {t}, {t}, 30
+    slli {k}, {k}, 25
+    srai {k}, {k}, 30
+    mul {t}, {t}, {x}
+    mul {k}, {k}, {y}
+    sub {n}, {n}, {s}
+    add \west, \west, {n}
+    add {t}, {t}, {k}
+    add \west, \west, {t}
+    slli \west, \west, 3
+    sw \west, \node + 4({to})
+99:
+.endm
+.macro even node
+    place \node, {a}, {b}
+.endm
+.macro odd node
+    place \node, {b}, {a}
+.endm
+.macro step
+    addi {east}, {east}, 32
+    addi {north}, {north}, 32
+    addi {south}, {south}, 32
+    addi {to}, {to}, 32
+.endm

@@ -1,0 +1,77 @@
+//! What segments of a free mirror show, in the Cortex-M7's own instructions: [`Segment::go`] of all.
+//!
+//! Compiled, the loop keeps a third of what it needs on the stack. Here that is what has the least to do: five
+//! addresses, and what is the same for all.
+
+use crate::fixed::PISTON_LIMIT;
+use crate::redblack::RedBlack;
+use crate::segments::{ACTUATORS, DROPPED, Position, Segment};
+use crate::sor::{Node, ROOM, Unknown};
+use core::arch::asm;
+use core::mem::offset_of;
+
+/// What there is of each subaperture.
+pub(crate) struct Subapertures<'a> {
+    pub(crate) nodes: &'a [Node],
+    pub(crate) segments: &'a [Segment],
+    pub(crate) applied: &'a mut [[i32; 2]],
+    pub(crate) positions: &'a mut [Position],
+    pub(crate) heights_ulp: &'a mut [[i32; ACTUATORS]],
+}
+
+// The registers of a load are those of the fields.
+const _: () = assert!(
+    offset_of!(Node, place) == 0
+        && size_of::<Node>() == 6
+        && offset_of!(Segment, ratios) == 0
+        && offset_of!(Unknown, doubled) == 0
+        && size_of::<Unknown>() == 8
+        && offset_of!(Position, piston_ulp) == 0
+        && offset_of!(Position, tilt_ulp) == 4
+        && size_of::<Position>() == 12
+);
+
+/// Takes `mean` off the pistons, and tells how many actuators would have gone beyond their limits.
+#[allow(unsafe_code)]
+#[inline(never)]
+pub(crate) fn reach<const M: usize>(
+    all: Subapertures<'_>,
+    unknowns: &mut RedBlack<Unknown, M>,
+    commands: &RedBlack<[i32; 2], M>,
+    mean: i32,
+    ratio_bits: u32,
+) -> u32 {
+    let Subapertures { nodes, segments, applied, positions, heights_ulp } = all;
+    let lengths = [nodes.len(), segments.len(), applied.len(), positions.len(), heights_ulp.len()];
+    let count = lengths.into_iter().fold(usize::MAX, usize::min);
+    if count == 0 {
+        return 0;
+    }
+    let bits = ratio_bits.wrapping_sub(DROPPED);
+    let shared = [
+        nodes.as_ptr().expose_provenance() as u32,
+        unknowns.halves_mut().as_flattened_mut().as_mut_ptr().expose_provenance() as u32,
+        commands.halves().as_flattened().as_ptr().expose_provenance() as u32,
+        applied.as_mut_ptr().expose_provenance() as u32,
+        ((mean << 1).wrapping_sub(ROOM)) as u32,
+        2 * M as u32,
+        1u32.wrapping_shl(bits) >> 1,
+        bits,
+        segments.as_ptr().wrapping_add(count).addr() as u32,
+    ];
+    let mut saturated = 0;
+    // SAFETY: the instructions go through `count` of each slice, which are as long at least, and read and write
+    // fields at places that they compare with how many there are; they write registers that are given here, but
+    // for two that they save on the stack with a copy of `shared`.
+    unsafe {
+        asm!(include_str!("reach_armv7em.s"),
+            room = const ROOM, limit = const PISTON_LIMIT, tilt_bits = const 16 - DROPPED,
+            lowest = const offset_of!(Segment, lowest), highest = const offset_of!(Segment, highest),
+            segment = const size_of::<Segment>(),
+            inout("r0") shared.as_ptr() => _, out("r1") _, out("r2") _, out("r3") _, out("r4") _,
+            out("r5") _, out("r8") _, out("r9") _, inout("r10") segments.as_ptr() => _,
+            inout("r11") positions.as_mut_ptr() => _, inout("r12") heights_ulp.as_mut_ptr() => _,
+            inout("lr") saturated);
+    }
+    saturated
+}
