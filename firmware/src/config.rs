@@ -61,6 +61,8 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) window: usize,
     /// Windows in readout order: by first row, then first column.
     pub(crate) slots: heapless::Vec<Slot, M>,
+    /// Whether that is the order of their subapertures.
+    pub(crate) in_order: bool,
     pub(crate) bank: Bank<P>,
     pub(crate) estimator: EstimatorConfig,
     pub(crate) template: Template,
@@ -117,6 +119,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             short_sums: false,
             window: 0,
             slots: heapless::Vec::new(),
+            in_order: false,
             bank: Bank::new(),
             estimator: EstimatorConfig::CentreOfGravity { peak_fraction: 0 },
             template: Template::EMPTY,
@@ -275,7 +278,13 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             }
         }
         self.slots.sort_unstable_by_key(|slot| (slot.y0, slot.x0));
+        self.find_order();
         Ok(())
+    }
+
+    /// Due behind a change of slots.
+    pub(crate) fn find_order(&mut self) {
+        self.in_order = (0..).zip(&self.slots).all(|(i, slot)| slot.subaperture == i);
     }
 
     fn fill_modal(

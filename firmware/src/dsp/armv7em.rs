@@ -205,32 +205,35 @@ mod row {
         };
     }
 
-    /// Two words of up to 12 bits, added to those before them in their row.
+    /// Four words of up to 12 bits, added to those before them in their row but for the last one's place.
     macro_rules! narrow {
         ($first:literal) => {
             concat!(
-                "ldrd {a}, {b}, [{raw}], #8\n ldrd {c}, {d}, [{floor}], #8\n",
-                "uqsub16 {a}, {a}, {c}\n uqsub16 {b}, {b}, {d}\n",
+                "ldmia {raw}!, {{r0-r3}}\n ldrd {c}, r7, [{floor}], #8\n",
+                "uqsub16 r0, r0, {c}\n uqsub16 r1, r1, r7\n ldrd {c}, r7, [{floor}], #8\n",
+                "uqsub16 r2, r2, {c}\n uqsub16 r3, r3, r7\n",
                 $first,
                 "smlad {places}, {row}, {twos}, {places}\n",
-                "uqsub16 {b}, {b}, {excess}\n add {row}, {row}, {b}\n",
+                "uqsub16 r1, r1, {excess}\n add {row}, {row}, r1\n",
                 "smlad {places}, {row}, {twos}, {places}\n",
+                "uqsub16 r2, r2, {excess}\n add {row}, {row}, r2\n",
+                "smlad {places}, {row}, {twos}, {places}\n",
+                "uqsub16 r3, r3, {excess}\n add {row}, {row}, r3\n",
             )
-        };
-        () => {
-            narrow!("uqsub16 {a}, {a}, {excess}\n add {row}, {row}, {a}\n")
         };
     }
 
-    /// Rows of them.
+    /// Rows of them. The last word's place, in which all of a row are, is where second pixels count once
+    /// only. What a row's end needs waits on the stack, with the frame pointer, whose register is one more.
     macro_rules! narrow_rows {
         ($($more:expr),*) => {
             concat!(
-                "sub sp, sp, #8\n str {c}, [sp]\n str {d}, [sp, #4]\n 2:\n",
-                narrow!("uqsub16 {row}, {a}, {excess}\n"), $($more,)*
-                "ldrd {c}, {d}, [sp]\n sub {places}, {places}, {row}, lsr #16\n",
+                "push {{r0, r1, r2, r7}}\n 2:\n",
+                narrow!("uqsub16 {row}, r0, {excess}\n"), $($more,)*
+                "ldm sp, {{r0-r2}}\n smlad {places}, {row}, r2, {places}\n",
                 "smlad {sum}, {row}, {twos}, {sum}\n add {running}, {running}, {sum}\n",
-                "add {raw}, {raw}, {d}\n cmp {floor}, {c}\n bne 2b\n add sp, sp, #8\n",
+                "add {raw}, {raw}, r1\n cmp {floor}, r0\n bne 2b\n",
+                "ldr r7, [sp, #12]\n add sp, sp, #16\n",
             )
         };
     }
@@ -269,19 +272,90 @@ mod row {
         if !takes(&rows) {
             return word_sums::<N, false>(rows, excess);
         }
+        let Rows { raw, stride, floor } = rows;
+        let floors = floor.as_flattened().as_ptr_range();
         let (mut sum, mut places, mut running) = (0u32, 0u32, 0u32);
         macro_rules! add {
             ($code:expr) => {
-                run!($code, rows, excess, twos = in(reg) 2 * ONES, sum = inout(reg) sum,
-                    places = inout(reg) places, running = inout(reg) running, row = out(reg) _)
+                // SAFETY: as of `run`; what is pushed is taken back, r7 with it.
+                #[allow(unsafe_code)]
+                unsafe {
+                    asm!($code,
+                        raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floors.start => _,
+                        excess = in(reg) excess, twos = in(reg) 2 * ONES, sum = inout(reg) sum,
+                        places = inout(reg) places, running = inout(reg) running,
+                        row = out(reg) _, c = out(reg) _, inout("r0") floors.end => _,
+                        inout("r1") stride.wrapping_sub(N).wrapping_mul(4) => _,
+                        inout("r2") ONES + 1 => _, out("r3") _,
+                        options(readonly));
+                }
             };
         }
         if N == 8 {
-            add!(narrow_rows!(narrow!(), narrow!(), narrow!()));
+            add!(narrow_rows!(
+                "smlad {places}, {row}, {twos}, {places}\n",
+                narrow!("uqsub16 r0, r0, {excess}\n add {row}, {row}, r0\n")
+            ));
         } else {
-            add!(narrow_rows!(narrow!()));
+            add!(narrow_rows!());
         }
         super::from_places::<N>(sum, places, running)
+    }
+
+    /// Looks at two words of a row. Of pixels that are saturated the signals are kept, and 2^16 - 2 more,
+    /// as far as 16 bits hold it, is -1 where there is one and -2 where there is none.
+    macro_rules! look {
+        () => {
+            concat!(
+                "ldrd {a}, {b}, [{raw}], #8\n ldrd {c}, {d}, [{floor}], #8\n",
+                "uqsub16 {c}, {a}, {c}\n uqsub16 {d}, {b}, {d}\n",
+                "uqsub16 {c}, {c}, {excess}\n uqsub16 {d}, {d}, {excess}\n",
+                look!(word "{a}" "{c}"), look!(word "{b}" "{d}"),
+            )
+        };
+        (word $raw:literal $signal:literal) => {
+            concat!(
+                "usub16 ", $raw, ", ", $raw, ", {white}\n sel ", $raw, ", ", $signal, ", {none}\n",
+                "uqadd16 ", $raw, ", ", $raw, ", {less}\n smlad {dark}, ", $raw, ", {less}, {dark}\n",
+                "usub16 ", $raw, ", ", $signal, ", {peak}\n sel {peak}, ", $signal, ", {peak}\n",
+            )
+        };
+    }
+
+    /// Peaks and saturated pixels of a row of 4 or 8 words, in their lanes and in a lane; `None` for others.
+    #[inline(always)]
+    pub(super) fn note<const N: usize>(
+        (raw, floor): (&[u32; N], &[u32; N]),
+        [excess, white]: [u32; 2],
+        mut peak: u32,
+    ) -> Option<[u32; 2]> {
+        // -2 in both lanes.
+        let less = 0xfffe_fffeu32;
+        let mut dark = 0u32;
+        macro_rules! look_at {
+            ($code:expr) => {
+                // SAFETY: the instructions read the two arrays only. They write registers that are given
+                // here, and the status flags, which count as changed.
+                #[allow(unsafe_code)]
+                unsafe {
+                    asm!($code,
+                        raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floor.as_ptr() => _,
+                        excess = in(reg) excess, white = in(reg) white, none = in(reg) 0,
+                        less = in(reg) less, peak = inout(reg) peak, dark = inout(reg) dark,
+                        a = out(reg) _, b = out(reg) _, c = out(reg) _, d = out(reg) _,
+                        options(pure, readonly, nostack));
+                }
+            };
+        }
+        if N == 4 {
+            look_at!(concat!(look!(), look!()));
+        } else if N == 8 {
+            look_at!(concat!(look!(), look!(), look!(), look!()));
+        } else {
+            return None;
+        }
+        // Of 2 N pixels, each saturated one 2 instead of 4.
+        Some([peak, 4 * N as u32 - dark / 2])
     }
 
     /// See [`word_sums`].
@@ -339,6 +413,12 @@ impl<const N: usize> Kernel<N> for Pairs {
     fn note(self, (raw, floor): (&[u32; N], &[u32; N]), cut: Cut, seen: &mut Seen) {
         let (excess, white) = (both(cut.excess), both(cut.saturation));
         let (mut peak, mut saturated) = (word(&seen.peak), word(&seen.saturated));
+        #[cfg(armv7em)]
+        if let Some([peak, more]) = row::note((raw, floor), [excess, white], peak) {
+            put_word(&mut seen.peak, peak);
+            put_word(&mut seen.saturated, saturated.wrapping_add(more));
+            return;
+        }
         for (&raw, &floor) in raw.iter().zip(floor) {
             let signal = uqsub16(uqsub16(raw, floor), excess);
             peak = larger(signal, peak);
@@ -359,9 +439,9 @@ mod tests {
     fn packed_and_portable_agree_to_the_bit() {
         for bits in [12, 15, 16] {
             let top = ((1u32 << bits) - 1) as u16;
-            agree::<4>(top, Pairs);
-            agree::<8>(top, Pairs);
-            agree::<16>(top, Pairs);
+            agree::<8, 4>(top, Pairs);
+            agree::<16, 8>(top, Pairs);
+            agree::<32, 16>(top, Pairs);
         }
     }
 }
