@@ -100,7 +100,7 @@ impl<'a> Block<'a> {
     /// address, or is missing.
     #[inline(always)]
     fn rows<const N: usize>(self, start: usize, floor: &'a [[u32; N]]) -> Option<Rows<'a, N>> {
-        if N == 0 || self.stride < N || !start.is_multiple_of(2) {
+        if self.stride < N || !start.is_multiple_of(2) {
             return None;
         }
         let last = floor.len().saturating_sub(1).checked_mul(self.stride)?;
@@ -133,6 +133,9 @@ impl<'a, const N: usize> Rows<'a, N> {
     /// at a word's address, or is missing.
     #[inline(always)]
     pub(crate) fn new(raw: &'a [u16], stride: usize, floor: &'a [u16]) -> Option<Self> {
+        if N == 0 {
+            return None;
+        }
         let (floor, _) = words(floor)?.as_chunks();
         Block::new(raw, stride)?.rows(0, floor)
     }
