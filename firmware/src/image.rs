@@ -382,7 +382,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.window = usize::from(head.window);
         self.bits = head.bits;
         self.estimator = head.estimator;
-        self.gain_exponent = head.gain_exponent;
+        self.set_gain_exponent(head.gain_exponent);
         self.control = head.control;
         self.tilt_max_age = head.tilt_max_age;
         self.drive = head.drive;

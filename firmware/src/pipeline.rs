@@ -30,7 +30,7 @@ use crate::readout::{self, Readout, Sink};
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
 use crate::schedule::Schedule;
 use crate::segments::{ACTUATORS, Position};
-use crate::slopes::{self, Slope, SlopeScale};
+use crate::slopes::{self, Slope};
 use crate::sor::{Node, Sor, SorConfig};
 
 /// All pulses that were asked for, Q16.
@@ -718,7 +718,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Windows<'_,
         let Self { config, slopes, control, saturated_pixels, .. } = self;
         let Some((applied, mut control)) = control.taking(&config.control) else { return };
         let (calibration, nodes) = (config.slopes.as_slice(), config.nodes.as_slice());
-        let scale = SlopeScale::new(config.gain_exponent);
+        let scale = config.slope_scale;
         let mut saturated = 0;
         let mut slope = |calibration, measurement: &Measurement, place: &mut Slope| {
             saturated += u32::from(measurement.saturated);
@@ -774,7 +774,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Windows<'_,
         measurements: &[Measurement],
     ) {
         let config = self.config;
-        let scale = SlopeScale::new(config.gain_exponent);
+        let scale = config.slope_scale;
         let Some((applied, mut control)) = self.control.taking(&config.control) else { return };
         for slot in config.slots.get(first..next).unwrap_or_default() {
             let i = usize::from(slot.subaperture);
@@ -807,7 +807,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Windows<'_,
     #[inline(never)]
     fn take_second(&mut self, [first, next]: [usize; 2], measurements: &[Measurement]) {
         let config = self.config;
-        let scale = SlopeScale::new(config.gain_exponent);
+        let scale = config.slope_scale;
         let Some((applied, _)) = self.control.taking(&config.control) else { return };
         for slot in config.slots.get(first..next).unwrap_or_default() {
             let i = usize::from(slot.subaperture);

@@ -288,12 +288,11 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         config: &Config<M, P, B, K>,
         rows: u16,
     ) -> [usize; 2] {
-        let [_, next] = &mut self.active;
         let end = self.row.wrapping_add(rows);
-        let starts = |slot: &Slot| slot.y0 < end;
-        while config.slots.get(*next).is_some_and(starts) {
-            *next += 1;
-        }
+        let [first, next] = self.active;
+        let left = config.slots.get(next..).unwrap_or_default().iter();
+        let starts = left.take_while(|slot| slot.y0 < end).count();
+        self.active = [first, next.wrapping_add(starts)];
         self.active
     }
 
@@ -570,12 +569,10 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             return;
         };
         let bases = config.base_thresholds.as_slice();
-        let (Some(done), Some(new), Some(windows)) =
-            (done.get(start..end), new.get_mut(start..end), self.windows.get(start..end))
-        else {
-            return;
-        };
-        let windows = windows.iter().zip(done.iter().zip(new));
+        // Always there. (Where the compiler knows that, it adds up addresses at every use.)
+        let tracking = done.get(start..end).unwrap_or_default().iter();
+        let tracking = tracking.zip(new.get_mut(start..end).unwrap_or_default());
+        let windows = self.windows.get(start..end).unwrap_or_default().iter().zip(tracking);
         let weighted = (&self.weighted, &self.centres, gain);
         let shared = Shared::new(config);
         let measure =
@@ -589,12 +586,8 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             };
         if in_steps(config) {
             // Windows as their subapertures.
-            let (Some(places), Some(bases)) =
-                (measurements.get_mut(start..end), bases.get(start..end))
-            else {
-                return;
-            };
-            let places = places.iter_mut().zip(bases);
+            let places = measurements.get_mut(start..end).unwrap_or_default().iter_mut();
+            let places = places.zip(bases.get(start..end).unwrap_or_default());
             for (k, (window, (place, &base))) in (start..).zip(windows.zip(places)) {
                 *place = measure(k, window, base);
             }

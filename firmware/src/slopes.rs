@@ -53,11 +53,11 @@ pub struct Slope {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SlopeScale {
     /// Towards smaller numbers, and what is added before: the half that rounds, and the limit.
-    right: u32,
-    raise: i32,
+    pub(crate) right: u32,
+    pub(crate) raise: i32,
     /// Towards larger ones, and the limit before it.
-    left: u32,
-    limit: i32,
+    pub(crate) left: u32,
+    pub(crate) limit: i32,
 }
 
 /// Bits that an upper half of a product drops: 32 less what both factors are shifted up by.

@@ -260,6 +260,17 @@ mod row {
         }};
     }
 
+    /// `x`, of which the compiler is to know no more than that, whenever it is asked.
+    #[inline(always)]
+    pub(super) fn anew(mut x: u16) -> u16 {
+        // SAFETY: there is nothing in it.
+        #[allow(unsafe_code)]
+        unsafe {
+            asm!("/* {x} */", x = inout(reg) x, options(nomem, nostack, preserves_flags));
+        }
+        x
+    }
+
     /// Whether rows are of the kind that has instructions here.
     #[inline(always)]
     fn takes<const N: usize>(rows: &Rows<'_, N>) -> bool {
@@ -395,9 +406,14 @@ pub(crate) struct Pairs;
 impl<const N: usize> Kernel<N> for Pairs {
     #[inline(always)]
     fn sums(self, rows: Rows<'_, N>, cut: Cut) -> RowSums {
-        if N <= 8 && cut.top <= NARROW_TOP {
+        // Not known from the last window's, or all that surrounds this is there three times.
+        #[cfg(armv7em)]
+        let top = row::anew(cut.top);
+        #[cfg(not(armv7em))]
+        let top = cut.top;
+        if N <= 8 && top <= NARROW_TOP {
             row::narrow_sums(rows, both(cut.excess))
-        } else if cut.top <= SIGNED_TOP {
+        } else if top <= SIGNED_TOP {
             signed_sums::<N, false>(rows, cut)
         } else {
             let RowSums { sum, x, running } = signed_sums::<N, true>(rows, cut);
