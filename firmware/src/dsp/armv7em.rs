@@ -150,7 +150,10 @@ mod row {
 
     pub(super) use super::word_sums as sums;
 
-    pub(super) fn narrow_sums<const N: usize>(rows: Rows<'_, N>, excess: u32) -> RowSums {
+    pub(super) fn narrow_sums<const N: usize, const EVEN: bool>(
+        rows: Rows<'_, N>,
+        excess: u32,
+    ) -> RowSums {
         let (mut sum, mut places, mut running) = (0, 0u32, 0u32);
         rows.each(|raw, floor| {
             let mut row = 0;
@@ -166,8 +169,8 @@ mod row {
     }
 }
 
-/// The rows of the common windows in instructions of their own: words are loaded by two, weights are
-/// counted up in a register, and twelve registers are all that there are.
+/// The rows of the common windows in instructions of their own: words are loaded by two or four, weights
+/// are counted up in a register, and thirteen registers are all that there are.
 #[cfg(armv7em)]
 mod row {
     use super::{FIRST, ONES, RowSums, Rows, word_sums};
@@ -223,16 +226,35 @@ mod row {
         };
     }
 
-    /// Rows of them. The last word's place, in which all of a row are, is where second pixels count once
-    /// only. What a row's end needs waits on the stack, with the frame pointer, whose register is one more.
-    macro_rules! narrow_rows {
-        ($($more:expr),*) => {
+    /// A row of 4 words, or of as many more. The last word's place, in which all of a row are, is where
+    /// second pixels count once only.
+    macro_rules! narrow_row {
+        (4) => {
+            narrow_row!("")
+        };
+        (8) => {
+            narrow_row!(concat!(
+                "smlad {places}, {row}, {twos}, {places}\n",
+                narrow!("uqsub16 r0, r0, {excess}\n add {row}, {row}, r0\n")
+            ))
+        };
+        ($more:expr) => {
             concat!(
-                "push {{r0, r1, r2, r7}}\n 2:\n",
-                narrow!("uqsub16 {row}, r0, {excess}\n"), $($more,)*
+                narrow!("uqsub16 {row}, r0, {excess}\n"),
+                $more,
                 "ldm sp, {{r0-r2}}\n smlad {places}, {row}, r2, {places}\n",
                 "smlad {sum}, {row}, {twos}, {sum}\n add {running}, {running}, {sum}\n",
-                "add {raw}, {raw}, r1\n cmp {floor}, r0\n bne 2b\n",
+                "add {raw}, {raw}, r1\n",
+            )
+        };
+    }
+
+    /// Rows, some a turn. What a row's end needs waits on the stack, with the frame pointer, whose register
+    /// is one more.
+    macro_rules! narrow_rows {
+        ($($row:expr),*) => {
+            concat!(
+                "push {{r0, r1, r2, r7}}\n 2:\n", $($row,)* "cmp {floor}, r0\n bne 2b\n",
                 "ldr r7, [sp, #12]\n add sp, sp, #16\n",
             )
         };
@@ -277,18 +299,22 @@ mod row {
         (N == 4 || N == 8) && rows.count() > 0
     }
 
-    /// See [`super::narrow_sums`].
+    /// Sums of rows of up to 12 bits, which are an even number if `EVEN`.
     #[inline(always)]
-    pub(super) fn narrow_sums<const N: usize>(rows: Rows<'_, N>, excess: u32) -> RowSums {
-        if !takes(&rows) {
+    pub(super) fn narrow_sums<const N: usize, const EVEN: bool>(
+        rows: Rows<'_, N>,
+        excess: u32,
+    ) -> RowSums {
+        if !takes(&rows) || EVEN && !rows.count().is_multiple_of(2) {
             return word_sums::<N, false>(rows, excess);
         }
         let Rows { raw, stride, floor } = rows;
         let floors = floor.as_flattened().as_ptr_range();
         let (mut sum, mut places, mut running) = (0u32, 0u32, 0u32);
         macro_rules! add {
-            ($code:expr) => {
-                // SAFETY: as of `run`; what is pushed is taken back, r7 with it.
+            ($code:expr) => {{
+                // SAFETY: as of `run`; what is pushed is taken back, r7 with it. Of an even number of rows
+                // two at a time end where all do.
                 #[allow(unsafe_code)]
                 unsafe {
                     asm!($code,
@@ -300,15 +326,13 @@ mod row {
                         inout("r2") ONES + 1 => _, out("r3") _,
                         options(readonly));
                 }
-            };
+            }};
         }
-        if N == 8 {
-            add!(narrow_rows!(
-                "smlad {places}, {row}, {twos}, {places}\n",
-                narrow!("uqsub16 r0, r0, {excess}\n add {row}, {row}, r0\n")
-            ));
-        } else {
-            add!(narrow_rows!());
+        match (N, EVEN) {
+            (4, false) => add!(narrow_rows!(narrow_row!(4))),
+            (4, true) => add!(narrow_rows!(narrow_row!(4), narrow_row!(4))),
+            (_, false) => add!(narrow_rows!(narrow_row!(8))),
+            (_, true) => add!(narrow_rows!(narrow_row!(8), narrow_row!(8))),
         }
         super::from_places::<N>(sum, places, running)
     }
@@ -403,26 +427,39 @@ mod row {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pairs;
 
+/// [`Kernel::sums`], of rows that are an even number if `EVEN`.
+#[inline(always)]
+fn sums<const N: usize, const EVEN: bool>(rows: Rows<'_, N>, cut: Cut) -> RowSums {
+    // Not known from the last window's, or all that surrounds this is there three times.
+    #[cfg(armv7em)]
+    let top = row::anew(cut.top);
+    #[cfg(not(armv7em))]
+    let top = cut.top;
+    if N <= 8 && top <= NARROW_TOP {
+        row::narrow_sums::<N, EVEN>(rows, both(cut.excess))
+    } else if top <= SIGNED_TOP {
+        signed_sums::<N, false>(rows, cut)
+    } else {
+        let RowSums { sum, x, running } = signed_sums::<N, true>(rows, cut);
+        // What the flipped bits took from each row, and from each row's running sum.
+        let (row, count) = ((2 * N as u32) << 15, rows.count() as u32);
+        let lost = (row >> 1).wrapping_mul(count.wrapping_mul(count + 1));
+        let sum = sum.wrapping_add(row.wrapping_mul(count));
+        RowSums { sum, x, running: running.wrapping_add(lost) }
+    }
+}
+
 impl<const N: usize> Kernel<N> for Pairs {
     #[inline(always)]
     fn sums(self, rows: Rows<'_, N>, cut: Cut) -> RowSums {
-        // Not known from the last window's, or all that surrounds this is there three times.
-        #[cfg(armv7em)]
-        let top = row::anew(cut.top);
-        #[cfg(not(armv7em))]
-        let top = cut.top;
-        if N <= 8 && top <= NARROW_TOP {
-            row::narrow_sums(rows, both(cut.excess))
-        } else if top <= SIGNED_TOP {
-            signed_sums::<N, false>(rows, cut)
-        } else {
-            let RowSums { sum, x, running } = signed_sums::<N, true>(rows, cut);
-            // What the flipped bits took from each row, and from each row's running sum.
-            let (row, count) = ((2 * N as u32) << 15, rows.count() as u32);
-            let lost = (row >> 1).wrapping_mul(count.wrapping_mul(count + 1));
-            let sum = sum.wrapping_add(row.wrapping_mul(count));
-            RowSums { sum, x, running: running.wrapping_add(lost) }
-        }
+        sums::<N, false>(rows, cut)
+    }
+
+    #[inline(always)]
+    fn window(self, rows: Rows<'_, N>, row: (&[u32; N], &[u32; N]), cut: Cut) -> (RowSums, Seen) {
+        let mut seen = Seen::NOTHING;
+        self.note(row, cut, &mut seen);
+        (sums::<N, true>(rows, cut), seen)
     }
 
     #[inline(always)]
