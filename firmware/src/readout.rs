@@ -282,17 +282,27 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     }
 
     /// First window that the next `rows` rows meet, and first that they do not meet any more.
-    #[inline(always)]
+    ///
+    /// Not inlined where fast memory is little.
+    #[cfg_attr(target_arch = "riscv32", inline(always))]
+    #[cfg_attr(not(target_arch = "riscv32"), inline(never))]
     fn meet<const P: usize, const K: usize>(
         &mut self,
         config: &Config<M, P, B, K>,
         rows: u16,
     ) -> [usize; 2] {
+        /// Windows looked past at once: in readout order all have started where the last of them has.
+        const SOME: usize = 8;
         let end = self.row.wrapping_add(rows);
-        let [first, next] = self.active;
-        let left = config.slots.get(next..).unwrap_or_default().iter();
-        let starts = left.take_while(|slot| slot.y0 < end).count();
-        self.active = [first, next.wrapping_add(starts)];
+        let [first, mut next] = self.active;
+        let starts = |k: usize| config.slots.get(k).is_some_and(|slot| slot.y0 < end);
+        while starts(next + (SOME - 1)) {
+            next += SOME;
+        }
+        while starts(next) {
+            next += 1;
+        }
+        self.active = [first, next];
         self.active
     }
 
