@@ -132,28 +132,25 @@ impl Moments {
         self.y = self.y.wrapping_add(y);
     }
 
-    /// The centroid of what has been added, Q16 pixels from the window's centre; `short` if the
+    /// The centroid of what has been added, Q16 pixels from the window's centre; `SHORT` if the
     /// sum has at most [`SHORT_SUM_BITS`].
-    #[inline]
-    pub(crate) fn centroid_q16(&self, short: bool) -> [i32; 2] {
-        // 2^43 / 2^28 = 2^48 / 2^33 = 2^15 = 2^16 per half. |M| <= 31 I, so the product stays below
-        // 2^54. A reciprocal that is low by one is low by at most 2^-23 (I / 2^43), or 2^-22
-        // (I / 2^48): of a centroid within 2^20 or 2^21 ulp, less than one.
-        let divided = |[x, y]: [i32; 2], reciprocal: u64, shift: u32| {
-            [x, y].map(|m| {
-                // In words, the product's upper one from both of the reciprocal's.
-                let low = i64::from(m).wrapping_mul(i64::from(reciprocal as u32));
-                let high = m.wrapping_mul((reciprocal >> 32) as i32);
-                let product = low.wrapping_add(i64::from(high) << 32);
-                // Twice the centroid, within 2^22: halving it rounds as if nothing had been lost.
-                ((product >> (shift - 1)) as i32).wrapping_add(1) >> 1
-            })
+    #[inline(always)]
+    pub(crate) fn centroid_q16<const SHORT: bool>(&self) -> [i32; 2] {
+        // Of 2^48 / I, or 2^43 / I and moments 2^5 as large: |M| <= 31 I, so that these are below 2^30.
+        // A reciprocal that is low by one is low by at most 2^-23 (I / 2^43), or 2^-22 (I / 2^48): of a
+        // centroid within 2^20 or 2^21 ulp, less than one.
+        let (reciprocal, up) = match SHORT {
+            true => (fixed::short_reciprocal(self.sum), 5),
+            false => (fixed::reciprocal(self.sum), 0),
         };
-        if short {
-            divided([self.x, self.y], fixed::short_reciprocal(self.sum), 43 - CENTROID_BITS + 1)
-        } else {
-            divided([self.x, self.y], fixed::reciprocal(self.sum), 48 - CENTROID_BITS + 1)
-        }
+        [self.x, self.y].map(|m| {
+            let m = m << up;
+            // The product's upper word, from both of the reciprocal's: 2^48 M / I / 2^32, twice the
+            // centroid, within 2^22. Halving it rounds as if nothing had been lost.
+            let low = i64::from(m).wrapping_mul(i64::from(reciprocal as u32)) >> 32;
+            let twice = (low as i32).wrapping_add(m.wrapping_mul((reciprocal >> 32) as i32));
+            twice.wrapping_add(1) >> 1
+        })
     }
 }
 
@@ -246,15 +243,21 @@ impl RowSums {
     }
 }
 
-/// Rows of a detector with a bank that has only floors, of which whole windows of 2 N pixels on a side
+/// Rows of a detector with a bank that has only floors, of which whole windows of W = 2 N pixels on a side
 /// are taken.
-pub(crate) trait WholeWindows<const N: usize> {
+pub(crate) trait WholeWindows<const W: usize, const N: usize> {
+    /// Of one window.
+    type Floors: ?Sized + 'static;
+
+    /// The floors of one window after the other; none where they do not lie as they have to.
+    fn floors<'f>(&self, floors: &'f [u16]) -> impl Iterator<Item = &'f Self::Floors>;
+
     /// Sums of the window that starts with pixel `start`, and what its row `watched` shows besides.
     /// `None` where its rows are not there, or not as they have to lie.
     fn window(
         &self,
         start: usize,
-        floor: &[u16],
+        floors: &Self::Floors,
         excess: u16,
         watched: usize,
     ) -> Option<(RowSums, Seen)>;
@@ -269,7 +272,14 @@ pub(crate) struct Anyhow<'a> {
 }
 
 #[cfg(not(any(target_arch = "riscv32", armv7em)))]
-impl<const N: usize> WholeWindows<N> for Anyhow<'_> {
+impl<const W: usize, const N: usize> WholeWindows<W, N> for Anyhow<'_> {
+    type Floors = [u16];
+
+    #[inline(always)]
+    fn floors<'f>(&self, floors: &'f [u16]) -> impl Iterator<Item = &'f [u16]> {
+        floors.chunks_exact(W * W)
+    }
+
     #[inline(always)]
     fn window(
         &self,
@@ -278,7 +288,7 @@ impl<const N: usize> WholeWindows<N> for Anyhow<'_> {
         excess: u16,
         watched: usize,
     ) -> Option<(RowSums, Seen)> {
-        let (size, width) = (2 * N, self.width);
+        let (size, width) = (W, self.width);
         let span = (size - 1).wrapping_mul(width).wrapping_add(size);
         let raw = self.raw.get(start..start.wrapping_add(span))?;
         let cut = Cut { excess, ..self.cut };

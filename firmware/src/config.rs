@@ -23,7 +23,7 @@ use crate::quantise::Quantiser;
 use crate::redblack::{Place, RedBlack};
 use crate::schedule::{self, Schedule};
 use crate::segments::{ACTUATORS, Segment, Travel};
-use crate::slopes::SlopeCalibration;
+use crate::slopes::{SlopeCalibration, SlopeScale};
 use crate::sor::{Coupling, Node, SorConfig};
 use crate::spec::{SorSpec, Spec};
 use crate::validate;
@@ -61,6 +61,8 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) window: usize,
     /// Windows in readout order: by first row, then first column.
     pub(crate) slots: heapless::Vec<Slot, M>,
+    /// Whether that is the order of their subapertures.
+    pub(crate) in_order: bool,
     pub(crate) bank: Bank<P>,
     pub(crate) estimator: EstimatorConfig,
     pub(crate) template: Template,
@@ -72,6 +74,8 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) slopes: heapless::Vec<SlopeCalibration, M>,
     pub(crate) modal: ModalConfig<M, K>,
     pub(crate) gain_exponent: u32,
+    /// Of that.
+    pub(crate) slope_scale: SlopeScale,
     pub(crate) control: ControlConfig,
     /// Per node; zero where there is no subaperture.
     pub(crate) changes: RedBlack<Changes, M>,
@@ -117,6 +121,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             short_sums: false,
             window: 0,
             slots: heapless::Vec::new(),
+            in_order: false,
             bank: Bank::new(),
             estimator: EstimatorConfig::CentreOfGravity { peak_fraction: 0 },
             template: Template::EMPTY,
@@ -125,6 +130,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             slopes: heapless::Vec::new(),
             modal: ModalConfig::NONE,
             gain_exponent: 0,
+            slope_scale: SlopeScale { right: 0, raise: 0, left: 0, limit: 0 },
             control: ControlConfig { mean: crate::slopes::MeanSlope::Remove, delay: 0 },
             changes: RedBlack::new(Changes::NONE),
             tilt_max_age: 0,
@@ -202,7 +208,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             None => self.template = Template::EMPTY,
         }
         self.concurrent = concurrent;
-        self.gain_exponent = quantiser.gain_exponent;
+        self.set_gain_exponent(quantiser.gain_exponent);
         self.control = control;
         self.tilt_max_age = spec.control.global_tilt_max_age;
         let spare_bits = 16 - u32::from(spec.actuators.dac_bits.clamp(8, 16));
@@ -225,6 +231,11 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.short_sums = self.sums_are_short();
         self.fill_sor(spec.mask.across(), &spec.sor);
         Ok(())
+    }
+
+    pub(crate) fn set_gain_exponent(&mut self, exponent: u32) {
+        self.gain_exponent = exponent;
+        self.slope_scale = SlopeScale::new(exponent);
     }
 
     pub(crate) fn sums_are_short(&self) -> bool {
@@ -275,7 +286,13 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             }
         }
         self.slots.sort_unstable_by_key(|slot| (slot.y0, slot.x0));
+        self.find_order();
         Ok(())
+    }
+
+    /// Due behind a change of slots.
+    pub(crate) fn find_order(&mut self) {
+        self.in_order = (0..).zip(&self.slots).all(|(i, slot)| slot.subaperture == i);
     }
 
     fn fill_modal(

@@ -118,19 +118,16 @@ impl<const M: usize> Control<M> {
         self.retained = 0;
     }
 
-    /// Ready to take slopes of the frame being read.
-    pub(crate) fn taking(&mut self, config: &ControlConfig) -> Taking<'_, M> {
-        let exposed = (self.newest + usize::from(config.delay)) % HISTORY;
-        let [first, ..] = &self.applied;
-        Taking {
-            applied: self.applied.get(exposed).unwrap_or(first),
-            open_loop: &mut self.open_loop,
-            recent: [0; 2],
-            recent_valid: 0,
-            sums: &mut self.sums,
-            valid: &mut self.valid,
-            retained: &mut self.retained,
-        }
+    /// What the mirror showed while the frame being read was exposed, by subaperture, and where its slopes
+    /// go: always there.
+    #[inline(always)]
+    pub(crate) fn taking(
+        &mut self,
+        config: &ControlConfig,
+    ) -> Option<(&[[i32; 2]; M], Taking<'_, M>)> {
+        let Self { applied, open_loop, sums, valid, retained, .. } = self;
+        let exposed = self.newest.wrapping_add(config.delay.into()) % HISTORY;
+        Some((applied.get(exposed)?, Taking { open_loop, sums, valid, retained }))
     }
 
     /// Makes the new commands of the slopes that were taken since [`Control::begin`].
@@ -348,46 +345,35 @@ impl<const M: usize> Control<M> {
 
 /// Where the slopes of a frame go.
 pub(crate) struct Taking<'a, const M: usize> {
-    applied: &'a [[i32; 2]; M],
     open_loop: &'a mut RedBlack<[i32; 2], M>,
-    /// Since the last [`Taking::settle`], of up to 64 subapertures: within 64 x 3 x 2^23 < 2^31.
-    recent: [i32; 2],
-    recent_valid: u32,
     sums: &'a mut [i64; 2],
     valid: &'a mut u32,
     retained: &'a mut u32,
 }
 
 impl<const M: usize> Taking<'_, M> {
-    /// Takes the slope of subaperture `i`, whose node is at `place`. Every subaperture has one a frame.
+    /// Takes up to 64 slopes, each with the place of its node and what the mirror showed there. Every
+    /// subaperture has one a frame.
     #[inline(always)]
-    pub(crate) fn take(&mut self, i: usize, place: Place, slope: &Slope) {
-        let (Some(&[applied_tip, applied_tilt]), Some(open_loop)) =
-            (self.applied.get(i), self.open_loop.get_mut(place))
-        else {
-            return;
-        };
-        let valid = i32::from(slope.valid);
-        let [s, t] = slope.tilt_ulp;
-        let x = s.wrapping_add(applied_tip).wrapping_mul(valid);
-        let y = t.wrapping_add(applied_tilt).wrapping_mul(valid);
-        *open_loop = [(x << GUARD_BITS).wrapping_add(MEASURED * valid), y << GUARD_BITS];
-        let [sum_x, sum_y] = &mut self.recent;
-        *sum_x = sum_x.wrapping_add(x);
-        *sum_y = sum_y.wrapping_add(y);
-        self.recent_valid = self.recent_valid.wrapping_add(valid as u32);
-    }
-
-    /// Adds up what was taken since the last time: due after 64 subapertures at the latest.
-    pub(crate) fn settle(&mut self) {
-        let sums = self.sums.iter_mut().zip(&mut self.recent);
-        sums.for_each(|(sum, x)| *sum = sum.wrapping_add(core::mem::take(x).into()));
-        *self.valid = self.valid.wrapping_add(core::mem::take(&mut self.recent_valid));
-    }
-
-    /// What the mirror showed of subaperture `i`.
-    pub(crate) fn applied(&self, i: usize) -> Option<[i32; 2]> {
-        self.applied.get(i).copied()
+    pub(crate) fn take(&mut self, slopes: impl Iterator<Item = (Place, Slope, [i32; 2])>) {
+        // Within 64 x 3 x 2^23 < 2^31.
+        let (mut sum_x, mut sum_y, mut count) = (0i32, 0i32, 0);
+        for (place, slope, [applied_tip, applied_tilt]) in slopes {
+            let valid = i32::from(slope.valid);
+            let [s, t] = slope.tilt_ulp;
+            let x = s.wrapping_add(applied_tip).wrapping_mul(valid);
+            let y = t.wrapping_add(applied_tilt).wrapping_mul(valid);
+            // Always there.
+            if let Some(open_loop) = self.open_loop.get_mut(place) {
+                *open_loop = [(x << GUARD_BITS).wrapping_add(MEASURED * valid), y << GUARD_BITS];
+            }
+            sum_x = sum_x.wrapping_add(x);
+            sum_y = sum_y.wrapping_add(y);
+            count += valid as u32;
+        }
+        let sums = self.sums.iter_mut().zip([sum_x, sum_y]);
+        sums.for_each(|(sum, x)| *sum = sum.wrapping_add(x.into()));
+        *self.valid = self.valid.wrapping_add(count);
     }
 
     /// Lets a subaperture that this sub-cycle does not light keep its x, and counts it for the mean.

@@ -116,15 +116,10 @@ impl<'a> Block<'a> {
     /// The rows of `floor`, the first from pixel `start` on. `None` where one does not start at a word's
     /// address, or is missing.
     #[inline(always)]
-    pub(crate) fn rows<const N: usize>(
-        self,
-        start: usize,
-        floor: &'a [u16],
-    ) -> Option<Rows<'a, N>> {
-        if N == 0 || self.stride < N || !start.is_multiple_of(2) {
+    fn rows<const N: usize>(self, start: usize, floor: &'a [[u32; N]]) -> Option<Rows<'a, N>> {
+        if self.stride < N || !start.is_multiple_of(2) {
             return None;
         }
-        let (floor, _) = words(floor)?.as_chunks();
         let last = floor.len().saturating_sub(1).checked_mul(self.stride)?;
         let (first, span) = (start / 2, last.checked_add(N)?);
         // One comparison a window with what is the same for all.
@@ -155,6 +150,10 @@ impl<'a, const N: usize> Rows<'a, N> {
     /// at a word's address, or is missing.
     #[inline(always)]
     pub(crate) fn new(raw: &'a [u16], stride: usize, floor: &'a [u16]) -> Option<Self> {
+        if N == 0 {
+            return None;
+        }
+        let (floor, _) = words(floor)?.as_chunks();
         Block::new(raw, stride)?.rows(0, floor)
     }
 
@@ -195,7 +194,7 @@ pub(crate) trait Kernel<const N: usize>: Copy {
     /// Adds a row and its floors to what was seen: see [`Seen::note`].
     fn note(self, row: (&[u32; N], &[u32; N]), cut: Cut, seen: &mut Seen);
 
-    /// Both, of rows and of one of them.
+    /// Both, of the rows of a square window and of one of them.
     #[inline(always)]
     fn window(self, rows: Rows<'_, N>, row: (&[u32; N], &[u32; N]), cut: Cut) -> (RowSums, Seen) {
         let mut seen = Seen::NOTHING;
@@ -214,17 +213,25 @@ pub(crate) struct Whole<'a, K> {
 }
 
 #[cfg(any(target_arch = "riscv32", armv7em, test))]
-impl<const N: usize, K: Kernel<N>> WholeWindows<N> for Whole<'_, K> {
+impl<const W: usize, const N: usize, K: Kernel<N>> WholeWindows<W, N> for Whole<'_, K> {
+    type Floors = [[u32; N]; W];
+
+    #[inline(always)]
+    fn floors<'f>(&self, floors: &'f [u16]) -> impl Iterator<Item = &'f Self::Floors> {
+        let (rows, _) = words(floors).unwrap_or_default().as_chunks();
+        rows.as_chunks().0.iter()
+    }
+
     #[inline(always)]
     fn window(
         &self,
         start: usize,
-        floor: &[u16],
+        floors: &Self::Floors,
         excess: u16,
         watched: usize,
     ) -> Option<(RowSums, Seen)> {
         let cut = Cut { excess, ..self.cut };
-        let rows = self.block.rows::<N>(start, floor)?;
+        let rows = self.block.rows(start, floors)?;
         Some(self.kernel.window(rows, rows.row(watched)?, cut))
     }
 }
@@ -307,8 +314,8 @@ mod tests {
         });
     }
 
-    /// A kernel against its portable twins.
-    pub(super) fn agree<const N: usize>(top: u16, kernel: impl Kernel<N>) {
+    /// A kernel against its portable twins: of rows, and of square windows of `W` = 2 `N` pixels on a side.
+    pub(super) fn agree<const W: usize, const N: usize>(top: u16, kernel: impl Kernel<N>) {
         blocks::<N>(top, |rows, stride, raw, floor, cut| {
             let expected = portable_floored_moments(raw, stride, floor, 2 * N, cut);
             assert_eq!(kernel.sums(rows, cut), expected, "{raw:?} {floor:?} {cut:?}");
@@ -323,11 +330,15 @@ mod tests {
                 assert_eq!(noted.all(), expected.all(), "{raw:?} {floor:?} {cut:?}");
             }
             let whole = Whole { block: Block::new(raw, stride).expect("words"), cut, kernel };
-            let (sums, seen) = whole.window(0, floor, cut.excess, 0).expect("rows");
-            let mut alone = Seen::NOTHING;
-            let (first, floors) = rows.row(0).expect("a row");
-            kernel.note((first, floors), cut, &mut alone);
-            assert_eq!((sums, seen.all()), (kernel.sums(rows, cut), alone.all()));
+            for floors in WholeWindows::<W, N>::floors(&whole, floor) {
+                let watched = 2 * N - 1;
+                let (sums, seen) =
+                    WholeWindows::<W, N>::window(&whole, 0, floors, cut.excess, watched)
+                        .expect("rows");
+                let mut alone = Seen::NOTHING;
+                kernel.note(rows.row(watched).expect("a row"), cut, &mut alone);
+                assert_eq!((sums, seen.all()), (kernel.sums(rows, cut), alone.all()));
+            }
         });
     }
 

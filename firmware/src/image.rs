@@ -382,7 +382,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.window = usize::from(head.window);
         self.bits = head.bits;
         self.estimator = head.estimator;
-        self.gain_exponent = head.gain_exponent;
+        self.set_gain_exponent(head.gain_exponent);
         self.control = head.control;
         self.tilt_max_age = head.tilt_max_age;
         self.drive = head.drive;
@@ -461,6 +461,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             let limit = Limit::Rule("floor: must not be above the highest raw value");
             return Err(ConfigError::at(Field::Dark, i, f64::from(top), limit));
         }
+        self.find_order();
         let origins = self.slots.iter().map(|slot| [slot.x0, slot.y0]);
         self.concurrent = validate::buffer::<B>(&self.estimator, self.window as u16, origins)?;
         schedule::check_used(self.schedule.colours.iter().copied())?;

@@ -21,17 +21,17 @@
 
 use crate::centroid::Measurement;
 use crate::config::Config;
-use crate::control::{Control, Taking};
+use crate::control::Control;
 use crate::fixed::{self, TILT_LIMIT};
 use crate::mirror::{Limits, Mirror};
-use crate::modal::{Modal, ModalConfig, Pair};
+use crate::modal::{Modal, Pair};
 pub use crate::probe::{Probe, Stage};
-use crate::readout::{Readout, Sink};
+use crate::readout::{self, Readout, Sink};
 use crate::redblack::RedBlack;
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
 use crate::schedule::Schedule;
 use crate::segments::{ACTUATORS, Position};
-use crate::slopes::{self, Slope, SlopeCalibration, SlopeScale};
+use crate::slopes::{self, Slope};
 use crate::sor::{Node, Sor, SorConfig};
 
 /// All pulses that were asked for, Q16.
@@ -285,19 +285,14 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
     fn windows<'a, const P: usize>(
         &'a mut self,
         config: &'a Config<M, P, B, K>,
-    ) -> Option<(&'a mut Readout<M, B>, Windows<'a, M, K>)> {
-        let slopes = self.slopes.get_mut(1 - self.readout.complete())?;
-        let special = Special::new(&config.schedule, self.colour, self.lacking_q16);
+    ) -> Option<(&'a mut Readout<M, B>, Windows<'a, M, P, B, K>)> {
         let windows = Windows {
-            ordinary: if special.is_some() { &[] } else { &config.slopes },
-            calibration: &config.slopes,
-            nodes: &config.nodes,
-            scale: SlopeScale::new(config.gain_exponent),
-            control: self.control.taking(&config.control),
-            slopes,
-            special,
-            gates: config.modal.is_on().then_some((&config.modal, &mut self.modal)),
-            recent_saturated: 0,
+            config,
+            slopes: self.slopes.get_mut(1 - self.readout.complete())?,
+            control: &mut self.control,
+            modal: &mut self.modal,
+            colour: self.colour,
+            lacking_q16: self.lacking_q16,
             saturated_pixels: &mut self.saturated_pixels,
         };
         Some((&mut self.readout, windows))
@@ -668,6 +663,7 @@ pub(crate) struct Measured {
 }
 
 /// What is not as in every frame: a sub-cycle that lights a part of the pupil, or missing laser pulses.
+#[derive(Clone, Copy)]
 struct Special<'a> {
     /// Empty where all are lit.
     colours: &'a [u8],
@@ -692,89 +688,152 @@ impl<'a> Special<'a> {
 }
 
 /// What becomes of measurements as windows end.
-struct Windows<'a, const M: usize, const K: usize> {
-    calibration: &'a [SlopeCalibration],
-    /// That of frames that are as every other; empty in those that are not.
-    ordinary: &'a [SlopeCalibration],
-    nodes: &'a [Node],
-    scale: SlopeScale,
-    control: Taking<'a, M>,
+struct Windows<'a, const M: usize, const P: usize, const B: usize, const K: usize> {
+    config: &'a Config<M, P, B, K>,
     slopes: &'a mut [Slope; M],
-    special: Option<Special<'a>>,
-    /// Of a second gate.
-    gates: Option<(&'a ModalConfig<M, K>, &'a mut Modal<K>)>,
-    /// Since the last [`Sink::settle`], and of the frame.
-    recent_saturated: u32,
+    control: &'a mut Control<M>,
+    modal: &'a mut Modal<K>,
+    /// As in [`Pipeline`].
+    colour: u8,
+    lacking_q16: u32,
     saturated_pixels: &'a mut u32,
 }
 
-impl<const M: usize, const K: usize> Sink for Windows<'_, M, K> {
-    /// Slope and pseudo-open-loop slope of window `i`: a subaperture's, or behind them all its one of
-    /// the second gate.
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Sink
+    for Windows<'_, M, P, B, K>
+{
+    /// Slopes and pseudo-open-loop slopes of windows: subapertures', or their ones of the second gate.
     #[inline(always)]
-    fn take(&mut self, i: usize, measurement: &Measurement) {
-        let (Some(calibration), Some(node), Some(place)) =
-            (self.ordinary.get(i), self.nodes.get(i), self.slopes.get_mut(i))
-        else {
-            return self.take_special(i, measurement);
-        };
-        self.recent_saturated += u32::from(measurement.saturated);
-        let slope = slopes::slope(calibration, self.scale, measurement);
-        *place = slope;
-        self.control.take(i, node.place, &slope);
-    }
-
-    #[inline(always)]
-    fn settle(&mut self) {
-        self.control.settle();
-        *self.saturated_pixels += core::mem::take(&mut self.recent_saturated);
+    fn take(&mut self, windows: [usize; 2], measurements: &[Measurement]) {
+        match Special::new(&self.config.schedule, self.colour, self.lacking_q16) {
+            None => self.take_ordinary(windows, measurements),
+            Some(special) => self.take_special(&special, windows, measurements),
+        }
+        if self.config.modal.is_on() {
+            self.take_second(windows, measurements);
+        }
     }
 }
 
-impl<const M: usize, const K: usize> Windows<'_, M, K> {
-    /// [`Sink::take`] of a frame that is not as every other, or of the second gate.
-    #[cold]
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Windows<'_, M, P, B, K> {
+    /// [`Sink::take`] of a frame that is as every other.
+    ///
+    /// Not inlined: it needs all registers.
     #[inline(never)]
-    fn take_special(&mut self, i: usize, measurement: &Measurement) {
-        let (Some(special), Some(calibration), Some(node), Some(place)) =
-            (&self.special, self.calibration.get(i), self.nodes.get(i), self.slopes.get_mut(i))
-        else {
-            if K > 0 {
-                self.take_second(i, measurement);
-            }
-            return;
+    fn take_ordinary(&mut self, [first, next]: [usize; 2], measurements: &[Measurement]) {
+        let Self { config, slopes, control, saturated_pixels, .. } = self;
+        let Some((applied, mut control)) = control.taking(&config.control) else { return };
+        let (calibration, nodes) = (config.slopes.as_slice(), config.nodes.as_slice());
+        let scale = config.slope_scale;
+        let mut saturated = 0;
+        let mut slope = |calibration, measurement: &Measurement, place: &mut Slope| {
+            saturated += u32::from(measurement.saturated);
+            let slope = slopes::slope(calibration, scale, measurement);
+            *place = slope;
+            slope
         };
-        if !special.lights(i) {
-            return self.control.retain(node.place);
+        if readout::in_steps(config) {
+            // Windows of the second gate have no node.
+            let all = first..next.min(nodes.len());
+            let (Some(nodes), Some(calibration), Some(applied), Some(measurements), Some(places)) = (
+                nodes.get(all.clone()),
+                calibration.get(all.clone()),
+                applied.get(all.clone()),
+                measurements.get(all.clone()),
+                slopes.get_mut(all),
+            ) else {
+                return;
+            };
+            let inputs = measurements.iter().zip(places).zip(calibration).zip(applied).zip(nodes);
+            control.take(inputs.map(|((((measurement, place), calibration), &applied), node)| {
+                (node.place, slope(calibration, measurement, place), applied)
+            }));
+        } else {
+            // As many of everything, so that one comparison finds a subaperture in all.
+            let count = nodes.len();
+            let (Some(measurements), Some(places), Some(calibration), Some(applied)) = (
+                measurements.get(..count),
+                slopes.get_mut(..count),
+                calibration.get(..count),
+                applied.get(..count),
+            ) else {
+                return;
+            };
+            let slots = config.slots.get(first..next).unwrap_or_default();
+            control.take(slots.iter().filter_map(|slot| {
+                let i = usize::from(slot.subaperture);
+                let (measurement, place) = (measurements.get(i)?, places.get_mut(i)?);
+                let slope = slope(calibration.get(i)?, measurement, place);
+                Some((nodes.get(i)?.place, slope, *applied.get(i)?))
+            }));
         }
-        let mut slope = slopes::slope(calibration, self.scale, measurement);
-        slope.valid =
-            slopes::valid_in_proportion(calibration, measurement.flux, special.pulses_q16);
-        *place = slope;
-        self.control.take(i, node.place, &slope);
-        self.recent_saturated += u32::from(measurement.saturated);
+        **saturated_pixels += saturated;
     }
 
-    /// [`Sink::take`] of a window of the second gate, whose subaperture's first has ended.
+    /// [`Sink::take`] of a frame that is not.
+    #[cold]
+    #[inline(never)]
+    fn take_special(
+        &mut self,
+        special: &Special<'_>,
+        [first, next]: [usize; 2],
+        measurements: &[Measurement],
+    ) {
+        let config = self.config;
+        let scale = config.slope_scale;
+        let Some((applied, mut control)) = self.control.taking(&config.control) else { return };
+        for slot in config.slots.get(first..next).unwrap_or_default() {
+            let i = usize::from(slot.subaperture);
+            let (Some(measurement), Some(calibration), Some(node), Some(place), Some(&applied)) = (
+                measurements.get(i),
+                config.slopes.get(i),
+                config.nodes.get(i),
+                self.slopes.get_mut(i),
+                applied.get(i),
+            ) else {
+                continue;
+            };
+            if !special.lights(i) {
+                control.retain(node.place);
+                continue;
+            }
+            *self.saturated_pixels += u32::from(measurement.saturated);
+            let mut slope = slopes::slope(calibration, scale, measurement);
+            slope.valid =
+                slopes::valid_in_proportion(calibration, measurement.flux, special.pulses_q16);
+            *place = slope;
+            control.take(core::iter::once((node.place, slope, applied)));
+        }
+    }
+
+    /// [`Sink::take`] of windows of the second gate, whose subapertures' first ones have been taken.
     ///
     /// Cold, so that one gate alone pays nothing for it.
     #[cold]
     #[inline(never)]
-    fn take_second(&mut self, i: usize, measurement: &Measurement) {
-        let (Some((config, modal)), Some(calibration)) = (&mut self.gates, self.calibration.get(i))
-        else {
-            return;
-        };
-        let mut slope = slopes::slope(calibration, self.scale, measurement);
-        if let Some(Special { pulses_q16, .. }) = self.special {
-            slope.valid = slopes::valid_in_proportion(calibration, measurement.flux, pulses_q16);
-        }
-        if let Some(place) = self.slopes.get_mut(i) {
-            *place = slope;
-        }
-        let i = i.wrapping_sub(self.nodes.len());
-        if let (Some(first), Some(applied)) = (self.slopes.get(i), self.control.applied(i)) {
-            modal.take(config, i, &Pair::new(applied, first, &slope));
+    fn take_second(&mut self, [first, next]: [usize; 2], measurements: &[Measurement]) {
+        let config = self.config;
+        let scale = config.slope_scale;
+        let Some((applied, _)) = self.control.taking(&config.control) else { return };
+        for slot in config.slots.get(first..next).unwrap_or_default() {
+            let i = usize::from(slot.subaperture);
+            let Some(first) = i.checked_sub(config.nodes.len()) else { continue };
+            let (Some(measurement), Some(calibration)) =
+                (measurements.get(i), config.slopes.get(i))
+            else {
+                continue;
+            };
+            let mut slope = slopes::slope(calibration, scale, measurement);
+            if self.lacking_q16 != 0 {
+                let pulses = WHOLE - self.lacking_q16;
+                slope.valid = slopes::valid_in_proportion(calibration, measurement.flux, pulses);
+            }
+            if let Some(place) = self.slopes.get_mut(i) {
+                *place = slope;
+            }
+            if let (Some(firsts), Some(&applied)) = (self.slopes.get(first), applied.get(first)) {
+                self.modal.take(&config.modal, first, &Pair::new(applied, firsts, &slope));
+            }
         }
     }
 }

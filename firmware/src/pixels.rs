@@ -28,7 +28,7 @@
 //! Scaling and overflow: every quantity is a u16 and every operation saturating or exact;
 //! rounding of the gain is to nearest, ties down in `b` (ties up in the loss).
 
-use crate::fixed::positive;
+use crate::fixed::{self, positive};
 use serde::{Deserialize, Serialize};
 
 /// What becomes of a pixel at or below its threshold, and of one above it.
@@ -89,11 +89,11 @@ pub struct BankRow<'a> {
 
 /// What the watched rows of a window told besides the signal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Noted {
-    /// Largest signal.
-    pub peak: u16,
+pub(crate) struct Noted {
+    /// Largest signal: 16 bits.
+    pub(crate) peak: i32,
     /// Pixels with a signal whose raw value is at or above the saturation level.
-    pub saturated: u16,
+    pub(crate) saturated: u16,
 }
 
 impl<const P: usize> Bank<P> {
@@ -181,16 +181,10 @@ impl<const P: usize> Bank<P> {
 
     /// The floors of windows `first .. next`, `area` each, one window after the other.
     #[inline(always)]
-    pub(crate) fn floors_of(
-        &self,
-        first: usize,
-        next: usize,
-        area: usize,
-    ) -> impl Iterator<Item = &[u16]> {
-        let area = area.max(1);
+    pub(crate) fn floors_of(&self, first: usize, next: usize, area: usize) -> &[u16] {
         let all = first.wrapping_mul(area)..next.wrapping_mul(area);
         // Beyond the end, where a validated configuration never asks, there are no windows.
-        self.floor.get(all).unwrap_or_default().chunks_exact(area)
+        self.floor.get(all).unwrap_or_default()
     }
 
     /// Whether signals are raw values less a floor.
@@ -238,10 +232,11 @@ impl Seen {
     }
 
     /// The whole window.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn all(&self) -> Noted {
+        let [first, rest @ ..] = self.peak.map(i32::from);
         Noted {
-            peak: self.peak.into_iter().fold(0, max),
+            peak: rest.into_iter().fold(first, fixed::larger),
             saturated: self.saturated.into_iter().fold(0, u16::wrapping_add),
         }
     }

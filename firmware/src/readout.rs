@@ -18,17 +18,15 @@ use crate::dsp::{Block, Whole};
 use crate::dsp::{rv32::Narrow, rv32_wide::Wide};
 use crate::pixels::{self, Convention, Cut, Noted, Seen, WATCHED};
 
-/// What takes a measurement when its window has ended.
+/// What takes measurements when their windows have ended.
 pub(crate) trait Sink {
-    /// Takes that of a subaperture.
-    fn take(&mut self, subaperture: usize, measurement: &Measurement);
-
-    /// Adds up what was taken since the last time: due after [`SETTLE`] measurements at the latest.
-    fn settle(&mut self);
+    /// Takes those of windows `first` to `next`, up to [`BATCH`], which are among `measurements` by
+    /// subaperture.
+    fn take(&mut self, windows: [usize; 2], measurements: &[Measurement]);
 }
 
 /// Measurements of which a [`Sink`] may keep sums in one word.
-pub(crate) const SETTLE: usize = 64;
+pub(crate) const BATCH: usize = 64;
 
 /// What is kept of a window between its rows.
 #[derive(Clone, Copy, Debug)]
@@ -49,9 +47,43 @@ struct Tracking {
 impl Window {
     const NEW: Self = Self { moments: Moments::ZERO, seen: Seen::NOTHING };
 
-    /// The measurement, of `moments` or its own.
+    /// The measurement, and what the next frame does with the window, of which `base` is the fixed
+    /// threshold; `SHORT` as of [`Moments::centroid_q16`].
     #[inline(always)]
-    fn measurement(
+    fn measured<const SHORT: bool>(
+        &self,
+        tracking: &Tracking,
+        base: u16,
+        shared: &Shared,
+    ) -> (Measurement, Tracking) {
+        let measurement =
+            self.measurement::<SHORT>(&self.moments, self.moments.sum, tracking, shared);
+        (measurement, tracking.next::<true>(&measurement, base, shared))
+    }
+
+    /// Both of a weighted window, the `k`-th, with a gain that undoes the weight.
+    #[inline(always)]
+    fn weighted<const M: usize>(
+        &self,
+        (moments, centres, gain): (&[WeightedMoments; M], &[[i16; 2]; M], i32),
+        k: usize,
+        tracking: &Tracking,
+        base: u16,
+        shared: &Shared,
+    ) -> (Measurement, Tracking) {
+        let moments = moments.get(k).copied().unwrap_or(WeightedMoments::ZERO);
+        let mut measurement =
+            self.measurement::<false>(&moments.narrow(), moments.flux(), tracking, shared);
+        let centre = centres.get(k).copied().unwrap_or_default();
+        measurement.centroid_q16.iter_mut().zip(centre).for_each(|(c, centre)| {
+            *c = centroid::unweighted(centre.into(), *c, gain);
+        });
+        (measurement, tracking.next::<false>(&measurement, base, shared))
+    }
+
+    /// The measurement, of `moments` or its own; `SHORT` as of [`Moments::centroid_q16`].
+    #[inline(always)]
+    fn measurement<const SHORT: bool>(
         &self,
         moments: &Moments,
         flux: u32,
@@ -59,12 +91,12 @@ impl Window {
         shared: &Shared,
     ) -> Measurement {
         let Noted { peak, saturated } = self.seen.all();
-        // What was taken off the peak; nothing off none.
-        let taken = tracking.excess & shared.subtracted & mask(peak.into()) as u16;
+        // What was taken off the peak; nothing off none. Their sum is a raw value less its floor.
+        let taken = i32::from(tracking.excess & shared.subtracted) & mask(peak as u32);
         Measurement {
-            centroid_q16: moments.centroid_q16(shared.short_sums),
+            centroid_q16: moments.centroid_q16::<SHORT>(),
             flux,
-            peak: peak.wrapping_add(taken),
+            peak: peak.wrapping_add(taken) as u16,
             saturated,
         }
     }
@@ -100,6 +132,15 @@ impl Tracking {
     }
 }
 
+/// Whether windows may be gone through in step with their subapertures: they are in the same order, and the
+/// machine adds up addresses by itself if they are not.
+#[inline(always)]
+pub(crate) const fn in_steps<const M: usize, const P: usize, const B: usize, const K: usize>(
+    config: &Config<M, P, B, K>,
+) -> bool {
+    cfg!(target_arch = "riscv32") && config.in_order
+}
+
 /// All ones unless `x`, below 2^31, is zero. Without a comparison, which would become a branch: the time
 /// must not tell what is lit.
 #[inline(always)]
@@ -120,7 +161,6 @@ struct Shared {
     window: usize,
     /// All ones where thresholds are subtracted.
     subtracted: u16,
-    short_sums: bool,
     /// Of the last peak, Q16.
     peak_fraction: u16,
 }
@@ -138,7 +178,6 @@ impl Shared {
         Self {
             window: config.window,
             subtracted: u16::from(config.bank.convention == Convention::Subtract).wrapping_neg(),
-            short_sums: config.short_sums,
             peak_fraction,
         }
     }
@@ -243,18 +282,27 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     }
 
     /// First window that the next `rows` rows meet, and first that they do not meet any more.
-    #[inline(always)]
+    ///
+    /// Not inlined where fast memory is little.
+    #[cfg_attr(target_arch = "riscv32", inline(always))]
+    #[cfg_attr(not(target_arch = "riscv32"), inline(never))]
     fn meet<const P: usize, const K: usize>(
         &mut self,
         config: &Config<M, P, B, K>,
         rows: u16,
     ) -> [usize; 2] {
-        let [_, next] = &mut self.active;
+        /// Windows looked past at once: in readout order all have started where the last of them has.
+        const SOME: usize = 8;
         let end = self.row.wrapping_add(rows);
-        let starts = |slot: &Slot| slot.y0 < end;
-        while config.slots.get(*next).is_some_and(starts) {
-            *next += 1;
+        let [first, mut next] = self.active;
+        let starts = |k: usize| config.slots.get(k).is_some_and(|slot| slot.y0 < end);
+        while starts(next + (SOME - 1)) {
+            next += SOME;
         }
+        while starts(next) {
+            next += 1;
+        }
+        self.active = [first, next];
         self.active
     }
 
@@ -317,17 +365,20 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         &mut self,
         config: &Config<M, P, B, K>,
         [first, next]: [usize; 2],
-        rows: &impl WholeWindows<N>,
+        rows: &impl WholeWindows<W, N>,
     ) -> usize {
         let (width, row) = (usize::from(config.width), usize::from(self.row));
-        let slots = config.slots.get(first..next).unwrap_or_default();
-        let tracking = self.tracking.get(self.complete).and_then(|done| done.get(first..next));
-        let windows = self.windows.get_mut(first..next).unwrap_or_default();
-        let windows = slots.iter().zip(tracking.unwrap_or_default()).zip(windows);
-        let mut left = next.wrapping_sub(first);
-        for (((slot, tracking), window), floors) in
-            windows.zip(config.bank.floors_of(first, next, W * W))
-        {
+        let (Some(slots), Some(tracking), Some(windows)) = (
+            config.slots.get(first..next),
+            self.tracking.get(self.complete).and_then(|done| done.get(first..next)),
+            self.windows.get_mut(first..next),
+        ) else {
+            return first;
+        };
+        let windows = slots.iter().zip(tracking).zip(windows);
+        let floors = rows.floors(config.bank.floors_of(first, next, W * W));
+        let mut left = first;
+        for (((slot, tracking), window), floors) in windows.zip(floors) {
             let y = usize::from(slot.y0).wrapping_sub(row);
             let start = y.wrapping_mul(width).wrapping_add(usize::from(slot.x0));
             // Below W, a power of two, already.
@@ -338,9 +389,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             let mut moments = Moments::ZERO;
             moments.add_rows(W, 0, W, sums);
             *window = Window { moments, seen };
-            left = left.wrapping_sub(1);
+            left = left.wrapping_add(1);
         }
-        next.wrapping_sub(left)
+        left
     }
 
     /// Adds the rows to every window they meet, for centre of gravity above floors. `W` is the
@@ -362,9 +413,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         let windows = self.windows.get_mut(first..next).unwrap_or_default();
         let windows = slots.iter().zip(tracking.unwrap_or_default()).zip(windows);
         let base = config.bank.cut(0);
-        for (((slot, tracking), window), floors) in
-            windows.zip(config.bank.floors_of(first, next, size * size))
-        {
+        let area = (size * size).max(1);
+        let floors = config.bank.floors_of(first, next, area).chunks_exact(area);
+        for (((slot, tracking), window), floors) in windows.zip(floors) {
             // Of the rows, those before the window's first; of the window, those before them.
             let before = usize::from(slot.y0.saturating_sub(row));
             let y = usize::from(row.saturating_sub(slot.y0));
@@ -495,28 +546,31 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         self.active = [end, next];
         let mut start = start;
         while start < end {
-            let some = [start, end.min(start.wrapping_add(SETTLE))];
+            let some = [start, end.min(start.wrapping_add(BATCH))];
             match config.estimator {
                 EstimatorConfig::Weighted { gain, .. } => {
-                    self.measure::<true, P, K>(config, some, gain, sink);
+                    self.measure::<true, false, P, K>(config, some, gain);
                 }
-                _ => self.measure::<false, P, K>(config, some, 0, sink),
+                _ if config.short_sums => self.measure::<false, true, P, K>(config, some, 0),
+                _ => self.measure::<false, false, P, K>(config, some, 0),
             }
             [_, start] = some;
+            if let Some(new) = self.measurements.get(1 - self.complete) {
+                sink.take(some, new);
+            }
         }
     }
 
-    /// Measures up to [`SETTLE`] windows from their moments, or from their weighted ones, of which `gain` undoes the
-    /// weight.
+    /// Measures windows from their moments, or from their weighted ones, of which `gain` undoes the weight;
+    /// `SHORT` as of [`Moments::centroid_q16`].
     ///
     /// Not inlined: it needs all registers.
     #[inline(never)]
-    fn measure<const WEIGHTED: bool, const P: usize, const K: usize>(
+    fn measure<const WEIGHTED: bool, const SHORT: bool, const P: usize, const K: usize>(
         &mut self,
         config: &Config<M, P, B, K>,
         [start, end]: [usize; 2],
         gain: i32,
-        sink: &mut impl Sink,
     ) {
         let (Some(measurements), Ok([done, new])) = (
             self.measurements.get_mut(1 - self.complete),
@@ -524,41 +578,42 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         ) else {
             return;
         };
+        let bases = config.base_thresholds.as_slice();
+        // Always there. (Where the compiler knows that, it adds up addresses at every use.)
         let tracking = done.get(start..end).unwrap_or_default().iter();
         let tracking = tracking.zip(new.get_mut(start..end).unwrap_or_default());
-        let windows = self.windows.get(start..end).unwrap_or_default().iter();
-        let weighted = self.weighted.get(start..end).unwrap_or_default().iter();
-        let weighted = weighted.zip(self.centres.get(start..end).unwrap_or_default());
-        let slots = config.slots.get(start..end).unwrap_or_default().iter();
-        let mut shared = Shared::new(config);
-        shared.short_sums &= !WEIGHTED;
-        for (((slot, window), (weighted, centre)), (tracking, next)) in
-            slots.zip(windows).zip(weighted).zip(tracking)
-        {
-            let subaperture = usize::from(slot.subaperture);
-            let (Some(place), Some(&base)) =
-                (measurements.get_mut(subaperture), config.base_thresholds.get(subaperture))
-            else {
-                continue;
+        let windows = self.windows.get(start..end).unwrap_or_default().iter().zip(tracking);
+        let weighted = (&self.weighted, &self.centres, gain);
+        let shared = Shared::new(config);
+        let measure =
+            |k, (window, (tracking, next)): (&Window, (&Tracking, &mut Tracking)), base| {
+                let measurement;
+                (measurement, *next) = match WEIGHTED {
+                    true => window.weighted(weighted, k, tracking, base, &shared),
+                    false => window.measured::<SHORT>(tracking, base, &shared),
+                };
+                measurement
             };
-            let (moments, flux) = if WEIGHTED {
-                (weighted.narrow(), weighted.flux())
-            } else {
-                (window.moments, window.moments.sum)
-            };
-            let mut measurement = window.measurement(&moments, flux, tracking, &shared);
-            if WEIGHTED {
-                let axes = measurement.centroid_q16.iter_mut().zip(centre);
-                axes.for_each(|(c, &centre)| *c = centroid::unweighted(centre.into(), *c, gain));
+        if in_steps(config) {
+            // Windows as their subapertures.
+            let places = measurements.get_mut(start..end).unwrap_or_default().iter_mut();
+            let places = places.zip(bases.get(start..end).unwrap_or_default());
+            for (k, (window, (place, &base))) in (start..).zip(windows.zip(places)) {
+                *place = measure(k, window, base);
             }
-            *next = match WEIGHTED {
-                true => tracking.next::<false>(&measurement, base, &shared),
-                false => tracking.next::<true>(&measurement, base, &shared),
-            };
-            *place = measurement;
-            sink.take(subaperture, place);
+            return;
         }
-        sink.settle();
+        // As many of both, so that one comparison finds a subaperture in them.
+        let Some(measurements) = measurements.get_mut(..bases.len()) else { return };
+        let slots = config.slots.get(start..end).unwrap_or_default();
+        for (k, (window, slot)) in (start..).zip(windows.zip(slots)) {
+            let subaperture = usize::from(slot.subaperture);
+            if let (Some(place), Some(&base)) =
+                (measurements.get_mut(subaperture), bases.get(subaperture))
+            {
+                *place = measure(k, window, base);
+            }
+        }
     }
 
     /// Takes measurements made elsewhere in place of a frame's rows; centroids saturate.
@@ -574,11 +629,13 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         ) else {
             return;
         };
-        for (i, (place, &new)) in new.iter_mut().zip(measurements).enumerate() {
+        for (place, &new) in new.iter_mut().zip(measurements) {
             let bound = |c: i32| c.clamp(-CENTROID_LIMIT, CENTROID_LIMIT);
             *place = Measurement { centroid_q16: new.centroid_q16.map(bound), ..new };
-            sink.take(i, place);
-            sink.settle();
+        }
+        let count = config.slots.len();
+        for first in (0..count).step_by(BATCH) {
+            sink.take([first, count.min(first + BATCH)], new);
         }
         let shared = Shared::new(config);
         for (slot, (done, next)) in config.slots.iter().zip(done.iter().zip(next)) {

@@ -52,12 +52,12 @@ pub struct Slope {
 /// Exponent of the gains' mantissas as shifts of the products.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SlopeScale {
-    /// Towards smaller numbers, and the half that rounds.
-    right: u32,
-    half: i32,
+    /// Towards smaller numbers, and what is added before: the half that rounds, and the limit.
+    pub(crate) right: u32,
+    pub(crate) raise: i32,
     /// Towards larger ones, and the limit before it.
-    left: u32,
-    limit: i32,
+    pub(crate) left: u32,
+    pub(crate) limit: i32,
 }
 
 /// Bits that an upper half of a product drops: 32 less what both factors are shifted up by.
@@ -72,7 +72,9 @@ impl SlopeScale {
         let (right, left) = (down.saturating_sub(up), up.saturating_sub(down));
         // One more than half: each of two products has been rounded down by half of one on average.
         let half = if right > 0 { (1 << right >> 1) + 1 } else { 1 };
-        Self { right, half, left, limit: TILT_LIMIT >> left }
+        let limit = TILT_LIMIT >> left;
+        // Below 2^30 + 66; of gains of 16 bits and |c - reference| < 2^22.6 the sum is below 2^29.6.
+        Self { right, raise: half + (limit << right), left, limit }
     }
 }
 
@@ -89,8 +91,8 @@ pub(crate) fn slope(
     let tilt_ulp = calibration.gain.map(|[gx, gy]| {
         let product = |gain: i16, c: i32| fixed::mul_high(i32::from(gain) << 16, c);
         let sum = product(gx, x).wrapping_add(product(gy, y));
-        let tilt = sum.wrapping_add(scale.half) >> scale.right;
-        fixed::clamp(tilt, scale.limit) << scale.left
+        let raised = sum.wrapping_add(scale.raise) >> scale.right;
+        fixed::clamp_raised(raised, scale.limit) << scale.left
     });
     let flux = measurement.flux;
     let valid = (flux >= calibration.flux_min) & (flux <= calibration.flux_max);

@@ -150,7 +150,10 @@ mod row {
 
     pub(super) use super::word_sums as sums;
 
-    pub(super) fn narrow_sums<const N: usize>(rows: Rows<'_, N>, excess: u32) -> RowSums {
+    pub(super) fn narrow_sums<const N: usize, const EVEN: bool>(
+        rows: Rows<'_, N>,
+        excess: u32,
+    ) -> RowSums {
         let (mut sum, mut places, mut running) = (0, 0u32, 0u32);
         rows.each(|raw, floor| {
             let mut row = 0;
@@ -166,8 +169,8 @@ mod row {
     }
 }
 
-/// The rows of the common windows in instructions of their own: words are loaded by two, weights are
-/// counted up in a register, and twelve registers are all that there are.
+/// The rows of the common windows in instructions of their own: words are loaded by two or four, weights
+/// are counted up in a register, and thirteen registers are all that there are.
 #[cfg(armv7em)]
 mod row {
     use super::{FIRST, ONES, RowSums, Rows, word_sums};
@@ -205,32 +208,54 @@ mod row {
         };
     }
 
-    /// Two words of up to 12 bits, added to those before them in their row.
+    /// Four words of up to 12 bits, added to those before them in their row but for the last one's place.
     macro_rules! narrow {
         ($first:literal) => {
             concat!(
-                "ldrd {a}, {b}, [{raw}], #8\n ldrd {c}, {d}, [{floor}], #8\n",
-                "uqsub16 {a}, {a}, {c}\n uqsub16 {b}, {b}, {d}\n",
+                "ldmia {raw}!, {{r0-r3}}\n ldrd {c}, r7, [{floor}], #8\n",
+                "uqsub16 r0, r0, {c}\n uqsub16 r1, r1, r7\n ldrd {c}, r7, [{floor}], #8\n",
+                "uqsub16 r2, r2, {c}\n uqsub16 r3, r3, r7\n",
                 $first,
                 "smlad {places}, {row}, {twos}, {places}\n",
-                "uqsub16 {b}, {b}, {excess}\n add {row}, {row}, {b}\n",
+                "uqsub16 r1, r1, {excess}\n add {row}, {row}, r1\n",
                 "smlad {places}, {row}, {twos}, {places}\n",
+                "uqsub16 r2, r2, {excess}\n add {row}, {row}, r2\n",
+                "smlad {places}, {row}, {twos}, {places}\n",
+                "uqsub16 r3, r3, {excess}\n add {row}, {row}, r3\n",
             )
-        };
-        () => {
-            narrow!("uqsub16 {a}, {a}, {excess}\n add {row}, {row}, {a}\n")
         };
     }
 
-    /// Rows of them.
-    macro_rules! narrow_rows {
-        ($($more:expr),*) => {
+    /// A row of 4 words, or of as many more. The last word's place, in which all of a row are, is where
+    /// second pixels count once only.
+    macro_rules! narrow_row {
+        (4) => {
+            narrow_row!("")
+        };
+        (8) => {
+            narrow_row!(concat!(
+                "smlad {places}, {row}, {twos}, {places}\n",
+                narrow!("uqsub16 r0, r0, {excess}\n add {row}, {row}, r0\n")
+            ))
+        };
+        ($more:expr) => {
             concat!(
-                "sub sp, sp, #8\n str {c}, [sp]\n str {d}, [sp, #4]\n 2:\n",
-                narrow!("uqsub16 {row}, {a}, {excess}\n"), $($more,)*
-                "ldrd {c}, {d}, [sp]\n sub {places}, {places}, {row}, lsr #16\n",
+                narrow!("uqsub16 {row}, r0, {excess}\n"),
+                $more,
+                "ldm sp, {{r0-r2}}\n smlad {places}, {row}, r2, {places}\n",
                 "smlad {sum}, {row}, {twos}, {sum}\n add {running}, {running}, {sum}\n",
-                "add {raw}, {raw}, {d}\n cmp {floor}, {c}\n bne 2b\n add sp, sp, #8\n",
+                "add {raw}, {raw}, r1\n",
+            )
+        };
+    }
+
+    /// Rows, some a turn. What a row's end needs waits on the stack, with the frame pointer, whose register
+    /// is one more.
+    macro_rules! narrow_rows {
+        ($($row:expr),*) => {
+            concat!(
+                "push {{r0, r1, r2, r7}}\n 2:\n", $($row,)* "cmp {floor}, r0\n bne 2b\n",
+                "ldr r7, [sp, #12]\n add sp, sp, #16\n",
             )
         };
     }
@@ -257,31 +282,115 @@ mod row {
         }};
     }
 
+    /// `x`, of which the compiler is to know no more than that, whenever it is asked.
+    #[inline(always)]
+    pub(super) fn anew(mut x: u16) -> u16 {
+        // SAFETY: there is nothing in it.
+        #[allow(unsafe_code)]
+        unsafe {
+            asm!("/* {x} */", x = inout(reg) x, options(nomem, nostack, preserves_flags));
+        }
+        x
+    }
+
     /// Whether rows are of the kind that has instructions here.
     #[inline(always)]
     fn takes<const N: usize>(rows: &Rows<'_, N>) -> bool {
         (N == 4 || N == 8) && rows.count() > 0
     }
 
-    /// See [`super::narrow_sums`].
+    /// Sums of rows of up to 12 bits, which are an even number if `EVEN`.
     #[inline(always)]
-    pub(super) fn narrow_sums<const N: usize>(rows: Rows<'_, N>, excess: u32) -> RowSums {
-        if !takes(&rows) {
+    pub(super) fn narrow_sums<const N: usize, const EVEN: bool>(
+        rows: Rows<'_, N>,
+        excess: u32,
+    ) -> RowSums {
+        if !takes(&rows) || EVEN && !rows.count().is_multiple_of(2) {
             return word_sums::<N, false>(rows, excess);
         }
+        let Rows { raw, stride, floor } = rows;
+        let floors = floor.as_flattened().as_ptr_range();
         let (mut sum, mut places, mut running) = (0u32, 0u32, 0u32);
         macro_rules! add {
-            ($code:expr) => {
-                run!($code, rows, excess, twos = in(reg) 2 * ONES, sum = inout(reg) sum,
-                    places = inout(reg) places, running = inout(reg) running, row = out(reg) _)
-            };
+            ($code:expr) => {{
+                // SAFETY: as of `run`; what is pushed is taken back, r7 with it. Of an even number of rows
+                // two at a time end where all do.
+                #[allow(unsafe_code)]
+                unsafe {
+                    asm!($code,
+                        raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floors.start => _,
+                        excess = in(reg) excess, twos = in(reg) 2 * ONES, sum = inout(reg) sum,
+                        places = inout(reg) places, running = inout(reg) running,
+                        row = out(reg) _, c = out(reg) _, inout("r0") floors.end => _,
+                        inout("r1") stride.wrapping_sub(N).wrapping_mul(4) => _,
+                        inout("r2") ONES + 1 => _, out("r3") _,
+                        options(readonly));
+                }
+            }};
         }
-        if N == 8 {
-            add!(narrow_rows!(narrow!(), narrow!(), narrow!()));
-        } else {
-            add!(narrow_rows!(narrow!()));
+        match (N, EVEN) {
+            (4, false) => add!(narrow_rows!(narrow_row!(4))),
+            (4, true) => add!(narrow_rows!(narrow_row!(4), narrow_row!(4))),
+            (_, false) => add!(narrow_rows!(narrow_row!(8))),
+            (_, true) => add!(narrow_rows!(narrow_row!(8), narrow_row!(8))),
         }
         super::from_places::<N>(sum, places, running)
+    }
+
+    /// Looks at two words of a row. Of pixels that are saturated the signals are kept, and 2^16 - 2 more,
+    /// as far as 16 bits hold it, is -1 where there is one and -2 where there is none.
+    macro_rules! look {
+        () => {
+            concat!(
+                "ldrd {a}, {b}, [{raw}], #8\n ldrd {c}, {d}, [{floor}], #8\n",
+                "uqsub16 {c}, {a}, {c}\n uqsub16 {d}, {b}, {d}\n",
+                "uqsub16 {c}, {c}, {excess}\n uqsub16 {d}, {d}, {excess}\n",
+                look!(word "{a}" "{c}"), look!(word "{b}" "{d}"),
+            )
+        };
+        (word $raw:literal $signal:literal) => {
+            concat!(
+                "usub16 ", $raw, ", ", $raw, ", {white}\n sel ", $raw, ", ", $signal, ", {none}\n",
+                "uqadd16 ", $raw, ", ", $raw, ", {less}\n smlad {dark}, ", $raw, ", {less}, {dark}\n",
+                "usub16 ", $raw, ", ", $signal, ", {peak}\n sel {peak}, ", $signal, ", {peak}\n",
+            )
+        };
+    }
+
+    /// Peaks and saturated pixels of a row of 4 or 8 words, in their lanes and in a lane; `None` for others.
+    #[inline(always)]
+    pub(super) fn note<const N: usize>(
+        (raw, floor): (&[u32; N], &[u32; N]),
+        [excess, white]: [u32; 2],
+        mut peak: u32,
+    ) -> Option<[u32; 2]> {
+        // -2 in both lanes.
+        let less = 0xfffe_fffeu32;
+        let mut dark = 0u32;
+        macro_rules! look_at {
+            ($code:expr) => {
+                // SAFETY: the instructions read the two arrays only. They write registers that are given
+                // here, and the status flags, which count as changed.
+                #[allow(unsafe_code)]
+                unsafe {
+                    asm!($code,
+                        raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floor.as_ptr() => _,
+                        excess = in(reg) excess, white = in(reg) white, none = in(reg) 0,
+                        less = in(reg) less, peak = inout(reg) peak, dark = inout(reg) dark,
+                        a = out(reg) _, b = out(reg) _, c = out(reg) _, d = out(reg) _,
+                        options(pure, readonly, nostack));
+                }
+            };
+        }
+        if N == 4 {
+            look_at!(concat!(look!(), look!()));
+        } else if N == 8 {
+            look_at!(concat!(look!(), look!(), look!(), look!()));
+        } else {
+            return None;
+        }
+        // Of 2 N pixels, each saturated one 2 instead of 4.
+        Some([peak, 4 * N as u32 - dark / 2])
     }
 
     /// See [`word_sums`].
@@ -318,27 +427,51 @@ mod row {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pairs;
 
+/// [`Kernel::sums`], of rows that are an even number if `EVEN`.
+#[inline(always)]
+fn sums<const N: usize, const EVEN: bool>(rows: Rows<'_, N>, cut: Cut) -> RowSums {
+    // Not known from the last window's, or all that surrounds this is there three times.
+    #[cfg(armv7em)]
+    let top = row::anew(cut.top);
+    #[cfg(not(armv7em))]
+    let top = cut.top;
+    if N <= 8 && top <= NARROW_TOP {
+        row::narrow_sums::<N, EVEN>(rows, both(cut.excess))
+    } else if top <= SIGNED_TOP {
+        signed_sums::<N, false>(rows, cut)
+    } else {
+        let RowSums { sum, x, running } = signed_sums::<N, true>(rows, cut);
+        // What the flipped bits took from each row, and from each row's running sum.
+        let (row, count) = ((2 * N as u32) << 15, rows.count() as u32);
+        let lost = (row >> 1).wrapping_mul(count.wrapping_mul(count + 1));
+        let sum = sum.wrapping_add(row.wrapping_mul(count));
+        RowSums { sum, x, running: running.wrapping_add(lost) }
+    }
+}
+
 impl<const N: usize> Kernel<N> for Pairs {
     #[inline(always)]
     fn sums(self, rows: Rows<'_, N>, cut: Cut) -> RowSums {
-        if N <= 8 && cut.top <= NARROW_TOP {
-            row::narrow_sums(rows, both(cut.excess))
-        } else if cut.top <= SIGNED_TOP {
-            signed_sums::<N, false>(rows, cut)
-        } else {
-            let RowSums { sum, x, running } = signed_sums::<N, true>(rows, cut);
-            // What the flipped bits took from each row, and from each row's running sum.
-            let (row, count) = ((2 * N as u32) << 15, rows.count() as u32);
-            let lost = (row >> 1).wrapping_mul(count.wrapping_mul(count + 1));
-            let sum = sum.wrapping_add(row.wrapping_mul(count));
-            RowSums { sum, x, running: running.wrapping_add(lost) }
-        }
+        sums::<N, false>(rows, cut)
+    }
+
+    #[inline(always)]
+    fn window(self, rows: Rows<'_, N>, row: (&[u32; N], &[u32; N]), cut: Cut) -> (RowSums, Seen) {
+        let mut seen = Seen::NOTHING;
+        self.note(row, cut, &mut seen);
+        (sums::<N, true>(rows, cut), seen)
     }
 
     #[inline(always)]
     fn note(self, (raw, floor): (&[u32; N], &[u32; N]), cut: Cut, seen: &mut Seen) {
         let (excess, white) = (both(cut.excess), both(cut.saturation));
         let (mut peak, mut saturated) = (word(&seen.peak), word(&seen.saturated));
+        #[cfg(armv7em)]
+        if let Some([peak, more]) = row::note((raw, floor), [excess, white], peak) {
+            put_word(&mut seen.peak, peak);
+            put_word(&mut seen.saturated, saturated.wrapping_add(more));
+            return;
+        }
         for (&raw, &floor) in raw.iter().zip(floor) {
             let signal = uqsub16(uqsub16(raw, floor), excess);
             peak = larger(signal, peak);
@@ -359,9 +492,9 @@ mod tests {
     fn packed_and_portable_agree_to_the_bit() {
         for bits in [12, 15, 16] {
             let top = ((1u32 << bits) - 1) as u16;
-            agree::<4>(top, Pairs);
-            agree::<8>(top, Pairs);
-            agree::<16>(top, Pairs);
+            agree::<8, 4>(top, Pairs);
+            agree::<16, 8>(top, Pairs);
+            agree::<32, 16>(top, Pairs);
         }
     }
 }

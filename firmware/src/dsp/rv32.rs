@@ -353,24 +353,16 @@ mod row {
         };
     }
 
-    /// [`window`] of 8 x 8 pixels. The sum of place times row comes from the bits of places: `odd` rows,
+    /// The sums of 8 x 8 pixels. The sum of place times row comes from the bits of places: `odd` rows,
     /// odd `pair`s of them and the lower `half`, 16 pixels of 12 bits in a lane each, with no work on
     /// single rows.
     #[inline(always)]
-    fn square(
-        (raw, stride): (&[u32], usize),
-        floor: &[[u32; 4]; 8],
-        (watched, watched_floor): (&[u32; 4], &[u32; 4]),
-        Levels { open, white }: Levels,
-    ) -> (Sums, Watch) {
-        let (sum, running, second, words, peak, saturated): (u32, u32, u32, u32, u32, u32);
-        // SAFETY: as of `sums` and `note`; of `raw` it reads 4 words in each of 8 rows, those that have
-        // these floors.
+    fn square(raw: &[u32], stride: usize, floor: &[[u32; 4]; 8], open: u32) -> Sums {
+        let (sum, running, second, words): (u32, u32, u32, u32);
+        // SAFETY: as of `sums`; of `raw` it reads 4 words in each of 8 rows, those that have these floors.
         #[allow(unsafe_code)]
         unsafe {
-            asm!("li {k0}, 0", "li {k1}, 0", note!("0" "4" "8" "12"),
-                "mv {watched}, {k0}", "mv {watched_floor}, {k1}",
-                "add {raw1}, {raw}, {stride}", "add {raw2}, {raw1}, {stride}",
+            asm!("add {raw1}, {raw}, {stride}", "add {raw2}, {raw1}, {stride}",
                 "add {raw3}, {raw2}, {stride}", "slli {stride}, {stride}, 2",
                 "li {odd}, 0", "li {pair}, 0", "li {half}, 0",
                 four!(upper!("k0"); "0": "0" "16" "32" "48"),
@@ -394,10 +386,7 @@ mod row {
                 "add {c}, {c}, {k0}", "slli {e}, {a}, 16", "sub {c}, {c}, {e}", "add {c}, {c}, {a}",
                 "slli {e}, {c}, 3", "sub {half}, {e}, {half}",
                 raw = inout(reg) raw.as_ptr() => _, stride = inout(reg) stride.wrapping_mul(4) => _,
-                floor = in(reg) floor.as_ptr(), open = in(reg) open, white = in(reg) white,
-                signs = in(reg) SIGNS, ones = in(reg) ONES,
-                watched = inout(reg) watched.as_ptr() => peak,
-                watched_floor = inout(reg) watched_floor.as_ptr() => saturated,
+                floor = in(reg) floor.as_ptr(), open = in(reg) open, signs = in(reg) SIGNS,
                 raw1 = out(reg) _, raw2 = out(reg) _, raw3 = out(reg) _,
                 k0 = out(reg) _, k1 = out(reg) _, k2 = out(reg) _, k3 = out(reg) _,
                 odd = out(reg) _, pair = out(reg) _, half = out(reg) running,
@@ -405,7 +394,7 @@ mod row {
                 e = out(reg) _, f = out(reg) _,
                 options(pure, readonly, nostack));
         }
-        (Sums { sum, words, second, running }, Watch { peak, saturated })
+        Sums { sum, words, second, running }
     }
 
     /// The words of two rows at one place of theirs, added to the rows' sums and the column's.
@@ -436,23 +425,15 @@ mod row {
         };
     }
 
-    /// [`window`] of 16 x 16 pixels: two rows at a time add to a column once.
+    /// The sums of 16 x 16 pixels: two rows at a time add to a column once.
     #[inline(always)]
-    fn large_square(
-        (raw, stride): (&[u32], usize),
-        floor: &[[u32; 8]; 16],
-        (watched, watched_floor): (&[u32; 8], &[u32; 8]),
-        Levels { open, white }: Levels,
-    ) -> (Sums, Watch) {
-        let (sum, running, second, words, peak, saturated): (u32, u32, u32, u32, u32, u32);
+    fn large_square(raw: &[u32], stride: usize, floor: &[[u32; 8]; 16], open: u32) -> Sums {
+        let (sum, running, second, words): (u32, u32, u32, u32);
         let floor = floor.as_flattened().as_ptr_range();
-        // SAFETY: as of `sums` and `note`; of `raw` it reads 8 words in each of 16 rows, those that have
-        // these floors.
+        // SAFETY: as of `sums`; of `raw` it reads 8 words in each of 16 rows, those that have these floors.
         #[allow(unsafe_code)]
         unsafe {
-            asm!("li {k0}, 0", "li {k1}, 0", note!("0" "4" "8" "12" "16" "20" "24" "28"),
-                "mv {watched}, {k0}", "mv {watched_floor}, {k1}",
-                "li {k0}, 0", "li {k1}, 0", "li {k2}, 0", "li {k3}, 0", "li {k4}, 0", "li {k5}, 0",
+            asm!("li {k0}, 0", "li {k1}, 0", "li {k2}, 0", "li {k3}, 0", "li {k4}, 0", "li {k5}, 0",
                 "li {k6}, 0", "li {k7}, 0", "li {sum}, 0", "li {running}, 0", ".p2align 2", "2:",
                 two_rows!("0" "32" "k1": "4" "4" "36" "k2": "8" "8" "40" "k3": "12" "12" "44"
                     "k4": "16" "16" "48" "k5": "20" "20" "52" "k6": "24" "24" "56"
@@ -465,9 +446,6 @@ mod row {
                 raw = inout(reg) raw.as_ptr() => _, stride = in(reg) stride.wrapping_mul(4),
                 floor = inout(reg) floor.start => _, end = in(reg) floor.end,
                 open = in(reg) open, signs = in(reg) SIGNS, ones = in(reg) ONES,
-                white = in(reg) white,
-                watched = inout(reg) watched.as_ptr() => peak,
-                watched_floor = inout(reg) watched_floor.as_ptr() => saturated,
                 raw1 = out(reg) _, row = out(reg) _, odd = out(reg) _,
                 k0 = out(reg) _, k1 = out(reg) _, k2 = out(reg) _, k3 = out(reg) _,
                 k4 = out(reg) _, k5 = out(reg) _, k6 = out(reg) _, k7 = out(reg) _,
@@ -476,31 +454,25 @@ mod row {
                 e = out(reg) _,
                 options(pure, readonly, nostack));
         }
-        (Sums { sum, words, second, running }, Watch { peak, saturated })
+        Sums { sum, words, second, running }
     }
 
-    /// Both at once: constants stay in their registers, and others are used twice.
+    /// The sums of a square window.
     #[inline(always)]
-    pub(super) fn window<const N: usize>(
-        rows: Rows<'_, N>,
-        watched: (&[u32; N], &[u32; N]),
-        levels: Levels,
-    ) -> (Sums, Watch) {
+    pub(super) fn square_sums<const N: usize>(rows: Rows<'_, N>, levels: Levels) -> Sums {
         let Rows { raw, stride, floor } = rows;
-        let (row, row_floor) = (watched.0.as_slice(), watched.1.as_slice());
         let floors = floor.as_flattened();
-        if let (Ok(row), Ok(row_floor), ([floor], [])) =
-            (row.try_into(), row_floor.try_into(), floors.as_chunks::<4>().0.as_chunks())
+        if N == 4
+            && let ([floor], []) = floors.as_chunks().0.as_chunks()
         {
-            return square((raw, stride), floor, (row, row_floor), levels);
+            return square(raw, stride, floor, levels.open);
         }
-        if let (Ok(row), Ok(row_floor), ([floor], [])) =
-            (row.try_into(), row_floor.try_into(), floors.as_chunks::<8>().0.as_chunks())
+        if N == 8
+            && let ([floor], []) = floors.as_chunks().0.as_chunks()
         {
-            return large_square((raw, stride), floor, (row, row_floor), levels);
+            return large_square(raw, stride, floor, levels.open);
         }
-        let nothing = Watch { peak: 0, saturated: 0 };
-        (sums(rows, levels), note(watched, levels, nothing))
+        sums(rows, levels)
     }
 }
 
@@ -548,14 +520,7 @@ mod row {
         watch
     }
 
-    pub(super) fn window<const N: usize>(
-        rows: Rows<'_, N>,
-        watched: (&[u32; N], &[u32; N]),
-        levels: Levels,
-    ) -> (Sums, Watch) {
-        let nothing = Watch { peak: 0, saturated: 0 };
-        (sums(rows, levels), note(watched, levels, nothing))
-    }
+    pub(super) use self::sums as square_sums;
 }
 
 /// The kernel of 12 bits.
@@ -606,11 +571,9 @@ impl<const N: usize> Kernel<N> for Narrow {
 
     #[inline(always)]
     fn window(self, rows: Rows<'_, N>, row: (&[u32; N], &[u32; N]), cut: Cut) -> (RowSums, Seen) {
-        let (sums, Watch { peak, saturated }) = row::window(rows, row, Levels::new(cut));
         let mut seen = Seen::NOTHING;
-        put_word(&mut seen.peak, peak);
-        put_word(&mut seen.saturated, saturated);
-        (sums.finish::<N>(), seen)
+        self.note(row, cut, &mut seen);
+        (row::square_sums(rows, Levels::new(cut)).finish::<N>(), seen)
     }
 }
 
@@ -621,8 +584,8 @@ mod tests {
 
     #[test]
     fn packed_and_portable_agree_to_the_bit() {
-        agree::<4>(TOP, Narrow);
-        agree::<8>(TOP, Narrow);
+        agree::<8, 4>(TOP, Narrow);
+        agree::<16, 8>(TOP, Narrow);
     }
 
     #[test]

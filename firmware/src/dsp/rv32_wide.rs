@@ -167,8 +167,8 @@ mod tests {
     fn agrees_with_the_portable_kernel() {
         for bits in [8, 13, 16] {
             let top = ((1u32 << bits) - 1) as u16;
-            agree::<4>(top, Wide);
-            agree::<8>(top, Wide);
+            agree::<8, 4>(top, Wide);
+            agree::<16, 8>(top, Wide);
         }
     }
 }
