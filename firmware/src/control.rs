@@ -313,7 +313,7 @@ impl<const M: usize> Control<M> {
         let shown = self.newest;
         self.advance();
         if let Ok([shown, newest]) = self.applied.get_disjoint_mut([shown, self.newest]) {
-            *newest = *shown;
+            newest.copy_from_slice(shown);
         }
     }
 
