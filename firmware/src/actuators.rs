@@ -13,7 +13,6 @@
 //! rounding is to nearest. A DAC of fewer than 16 bits uses the upper ones of a 16-bit code, rounded.
 
 use crate::fixed::{self, positive};
-use crate::segments::ACTUATORS;
 use serde::{Deserialize, Serialize};
 
 /// How an actuator's height follows from its DAC code.
@@ -71,30 +70,26 @@ impl Drive {
     }
 }
 
-/// The DAC codes for the heights of a segment's actuators.
+/// The DAC code for the height of an actuator, relative to the flat map.
 #[inline(always)]
-pub(crate) fn codes(
-    law: Law,
-    spare_bits: u32,
-    responses: &[Response; ACTUATORS],
-    heights_ulp: &[i32; ACTUATORS],
-) -> [u16; ACTUATORS] {
-    let code = |response: &Response, height: i32| {
-        let rise = (i64::from(response.slope) * i64::from(height)) >> SLOPE_BITS;
-        // Up to 2^31 - 2^15 within the limits, but for the last bits of the product.
-        let v = positive(response.offset.wrapping_add(rise as i32)) as u32;
-        let code = match law {
-            Law::Linear => (v + (1 << (14 + spare_bits))) >> (15 + spare_bits),
-            Law::Quadratic => {
-                // n - 1/2 <= sqrt(v) / 2^s where v / 4^s >= n^2 - n + 1/4: three quarters more make
-                // the lower bits' part in that known before they are dropped.
-                let quarters = 3 * ((1 << (2 * spare_bits)) >> 2);
-                fixed::square_root(((v << 1) + quarters) >> (2 * spare_bits))
-            }
-        };
-        // Rounding up at the very top is the only way past the highest code, to the next.
-        (code - (code >> (16 - spare_bits))) as u16
+pub(crate) fn code(law: Law, spare_bits: u32, response: &Response, height_ulp: i32) -> u16 {
+    let rise = (i64::from(response.slope) * i64::from(height_ulp)) >> SLOPE_BITS;
+    // Up to 2^31 - 2^15 within the limits, but for the last bits of the product.
+    let v = positive(response.offset.wrapping_add(rise as i32)) as u32;
+    let code = match law {
+        Law::Linear => {
+            let code = (v + (1 << (14 + spare_bits))) >> (15 + spare_bits);
+            // Rounding up at the very top is the only way past the highest code, to the next.
+            code - (code >> (16 - spare_bits))
+        }
+        Law::Quadratic => {
+            // n - 1/2 <= sqrt(v) / 2^s where v / 4^s >= n^2 - n + 1/4: three quarters more make
+            // the lower bits' part in that known before they are dropped.
+            let quarters = 3 * ((1 << (2 * spare_bits)) >> 2);
+            // The highest code N has N^2 / 2 and the next begins above it by N / 2, of which the tolerance of
+            // the limits takes half.
+            fixed::square_root(((v << 1) + quarters) >> (2 * spare_bits))
+        }
     };
-    let ([r0, r1, r2], [h0, h1, h2]) = (responses, *heights_ulp);
-    [code(r0, h0), code(r1, h1), code(r2, h2)]
+    code as u16
 }

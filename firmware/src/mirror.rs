@@ -13,7 +13,7 @@
 //! there is nothing to be slow from: at a cold start, before the drive is on; and where another
 //! configuration's limits leave out what the mirror shows: limits come first.
 
-use crate::actuators::{self, Drive, Law};
+use crate::actuators::{self, Drive, Law, Response};
 use crate::config::Config;
 #[cfg(armv7em)]
 use crate::dsp::reach::{Subapertures, reach};
@@ -319,18 +319,19 @@ impl<const M: usize> Mirror<M> {
         &mut self,
         config: &Config<M, P, B, K>,
     ) {
-        let heights = config.responses.iter().zip(&self.heights_ulp).zip(&mut self.codes);
+        let Self { heights_ulp, codes, .. } = self;
+        let segments = config.responses.iter().zip(heights_ulp.as_slice()).zip(codes);
         let Drive { law, spare_bits } = config.drive;
         // One loop each: the law is the same for all, and most DACs have 16 bits.
         match (law, spare_bits) {
-            (Law::Linear, _) => heights.for_each(|((responses, heights), codes)| {
-                *codes = actuators::codes(Law::Linear, spare_bits, responses, heights);
+            (Law::Linear, _) => each(segments, |response, height| {
+                actuators::code(Law::Linear, spare_bits, response, height)
             }),
-            (Law::Quadratic, 0) => heights.for_each(|((responses, heights), codes)| {
-                *codes = actuators::codes(Law::Quadratic, 0, responses, heights);
+            (Law::Quadratic, 0) => each(segments, |response, height| {
+                actuators::code(Law::Quadratic, 0, response, height)
             }),
-            (Law::Quadratic, _) => heights.for_each(|((responses, heights), codes)| {
-                *codes = actuators::codes(Law::Quadratic, spare_bits, responses, heights);
+            (Law::Quadratic, _) => each(segments, |response, height| {
+                actuators::code(Law::Quadratic, spare_bits, response, height)
             }),
         }
     }
@@ -353,6 +354,20 @@ impl<const M: usize> Mirror<M> {
     /// Subapertures of the configuration that drives it.
     pub(crate) const fn subapertures(&self) -> usize {
         self.subapertures
+    }
+}
+
+/// Makes the codes of all segments.
+#[inline(always)]
+fn each<'a>(
+    segments: impl Iterator<
+        Item = ((&'a [Response; ACTUATORS], &'a [i32; ACTUATORS]), &'a mut [u16; ACTUATORS]),
+    >,
+    code: impl Fn(&Response, i32) -> u16,
+) {
+    for ((responses, heights_ulp), codes) in segments {
+        let actuators = responses.iter().zip(heights_ulp).zip(codes);
+        actuators.for_each(|((response, &height), to)| *to = code(response, height));
     }
 }
 

@@ -282,10 +282,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     }
 
     /// First window that the next `rows` rows meet, and first that they do not meet any more.
-    ///
-    /// Not inlined where fast memory is little.
-    #[cfg_attr(target_arch = "riscv32", inline(always))]
-    #[cfg_attr(not(target_arch = "riscv32"), inline(never))]
+    #[inline(always)]
     fn meet<const P: usize, const K: usize>(
         &mut self,
         config: &Config<M, P, B, K>,

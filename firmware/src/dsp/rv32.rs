@@ -156,10 +156,13 @@ mod row {
         };
     }
 
-    /// `row`, the packed sum of a row, to the sums. Each of its lanes is at most 8 x 4095 < 2^15: the
-    /// upper half of the product has the sum of both.
+    /// `row`, the packed sum of a row, to the sums, or the first to them. Each of its lanes is at most
+    /// 8 x 4095 < 2^15: the upper half of the product has the sum of both.
     macro_rules! fold {
-        () => {
+        (first) => {
+            "mul {row}, {row}, {ones}\n srli {sum}, {row}, 16\n mv {running}, {sum}"
+        };
+        (later) => {
             concat!(
                 "mul {row}, {row}, {ones}\n srli {row}, {row}, 16\n",
                 "add {sum}, {sum}, {row}\n add {running}, {running}, {sum}",
@@ -266,7 +269,7 @@ mod row {
                 unsafe {
                     asm!($(concat!("li {", stringify!($column), "}, 0"),)*
                         "li {sum}, 0", "li {running}, 0",
-                        for_each_row!($bytes, $row, fold!()), $columns,
+                        for_each_row!($bytes, $row, fold!(later)), $columns,
                         raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floor.start => _,
                         end = in(reg) floor.end, stride = in(reg) stride.wrapping_mul(4),
                         open = in(reg) open, signs = in(reg) SIGNS, ones = in(reg) ONES,
@@ -397,28 +400,45 @@ mod row {
         Sums { sum, words, second, running }
     }
 
+    /// Two words, added to their column's sum, or its first ones.
+    macro_rules! pair {
+        (first $column:literal $a:literal $b:literal) => {
+            concat!("add {", $column, "}, ", $a, ", ", $b, "\n")
+        };
+        (later $column:literal $a:literal $b:literal) => {
+            concat!("add {a}, ", $a, ", ", $b, "\n add {", $column, "}, {", $column, "}, {a}\n",)
+        };
+    }
+
     /// The words of two rows at one place of theirs, added to the rows' sums and the column's.
     macro_rules! two {
-        ($column:literal: $x:literal $f0:literal $f1:literal) => {
+        ($which:ident $column:literal: $x:literal $f0:literal $f1:literal) => {
             concat!(
                 signals!("{a}" "{b}": concat!($x, "({raw})"), concat!($f0, "({floor})"),
                     concat!($x, "({raw1})"), concat!($f1, "({floor})")),
                 "add {row}, {row}, {a}\n add {odd}, {odd}, {b}\n",
-                "add {a}, {a}, {b}\n add {", $column, "}, {", $column, "}, {a}\n",
+                pair!($which $column "{a}" "{b}"),
             )
         };
     }
 
-    /// Two rows of 8 words, from their floors on. Packed sums are below 2^15, as of one row.
+    /// Two rows of 8 words, the `first` ones or `later` ones, whose floors are from `y` bytes on. Packed sums
+    /// are below 2^15, as of one row.
     macro_rules! two_rows {
-        ($f0:literal $f1:literal $($column:literal: $x:literal $f2:literal $f3:literal)*) => {
+        ($which:ident) => {
             concat!(
                 "add {raw1}, {raw}, {stride}\n",
-                signals!("{row}" "{odd}": "0({raw})", concat!($f0, "({floor})"),
-                    "0({raw1})", concat!($f1, "({floor})")),
-                "add {a}, {row}, {odd}\n add {k0}, {k0}, {a}\n",
-                $(two!($column: $x $f2 $f3),)*
-                "add {raw}, {raw1}, {stride}\n", fold!(), "\n",
+                signals!("{row}" "{odd}": "0({raw})", "\\y({floor})",
+                    "0({raw1})", "\\y + 32({floor})"),
+                pair!($which "k0" "{row}" "{odd}"),
+                two!($which "k1": "4" "\\y + 4" "\\y + 36"),
+                two!($which "k2": "8" "\\y + 8" "\\y + 40"),
+                two!($which "k3": "12" "\\y + 12" "\\y + 44"),
+                two!($which "k4": "16" "\\y + 16" "\\y + 48"),
+                two!($which "k5": "20" "\\y + 20" "\\y + 52"),
+                two!($which "k6": "24" "\\y + 24" "\\y + 56"),
+                two!($which "k7": "28" "\\y + 28" "\\y + 60"),
+                "add {raw}, {raw1}, {stride}\n", fold!($which), "\n",
                 "mul {odd}, {odd}, {ones}\n srli {odd}, {odd}, 16\n",
                 "add {sum}, {sum}, {odd}\n add {running}, {running}, {sum}\n",
             )
@@ -429,22 +449,14 @@ mod row {
     #[inline(always)]
     fn large_square(raw: &[u32], stride: usize, floor: &[[u32; 8]; 16], open: u32) -> Sums {
         let (sum, running, second, words): (u32, u32, u32, u32);
-        let floor = floor.as_flattened().as_ptr_range();
         // SAFETY: as of `sums`; of `raw` it reads 8 words in each of 16 rows, those that have these floors.
         #[allow(unsafe_code)]
         unsafe {
-            asm!("li {k0}, 0", "li {k1}, 0", "li {k2}, 0", "li {k3}, 0", "li {k4}, 0", "li {k5}, 0",
-                "li {k6}, 0", "li {k7}, 0", "li {sum}, 0", "li {running}, 0", ".p2align 2", "2:",
-                two_rows!("0" "32" "k1": "4" "4" "36" "k2": "8" "8" "40" "k3": "12" "12" "44"
-                    "k4": "16" "16" "48" "k5": "20" "20" "52" "k6": "24" "24" "56"
-                    "k7": "28" "28" "60"),
-                two_rows!("64" "96" "k1": "4" "68" "100" "k2": "8" "72" "104" "k3": "12" "76" "108"
-                    "k4": "16" "80" "112" "k5": "20" "84" "116" "k6": "24" "88" "120"
-                    "k7": "28" "92" "124"),
-                "addi {floor}, {floor}, 128", "bne {floor}, {end}, 2b",
+            asm!(".irp y, 0", two_rows!(first), ".endr",
+                ".irp y, 64, 128, 192, 256, 320, 384, 448", two_rows!(later), ".endr",
                 last!("k7"), before!("k6" "k5" "k4" "k3" "k2" "k1"), first!("k0"),
                 raw = inout(reg) raw.as_ptr() => _, stride = in(reg) stride.wrapping_mul(4),
-                floor = inout(reg) floor.start => _, end = in(reg) floor.end,
+                floor = in(reg) floor.as_ptr(),
                 open = in(reg) open, signs = in(reg) SIGNS, ones = in(reg) ONES,
                 raw1 = out(reg) _, row = out(reg) _, odd = out(reg) _,
                 k0 = out(reg) _, k1 = out(reg) _, k2 = out(reg) _, k3 = out(reg) _,
