@@ -21,10 +21,12 @@ fn fake(body: &str) -> TempDir {
     folder
 }
 
-/// `host-sim loop` on the emulator in this folder.
+/// `host-sim loop` on the emulator in this folder. Where the tests run in the background it would have learnt from the
+/// shell to overlook Ctrl-C.
 fn run(folder: &Path, patience: u32) -> Command {
     let path = std::env::var("PATH").unwrap_or_default();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
+    let mut command = Command::new("/usr/bin/env");
+    command.args(["--default-signal=INT", env!("CARGO_BIN_EXE_host-sim")]);
     command.args(["loop", "--board", "qemu", "--sensing", "geometric", "--frames", "3"]);
     command.args(["--patience", &patience.to_string(), "--out"]).arg(folder.join("out"));
     command.env("PATH", format!("{}:{path}", folder.display())).env("TMPDIR", folder.join("tmp"));
