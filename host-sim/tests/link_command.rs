@@ -156,11 +156,11 @@ fn parameters_are_set_in_physical_units() {
         ("sor.omega", "1.5", "", 0.0),
         ("slopes.reference_px", "0.25,-1.5", "7", 1.0 / 65536.0),
         ("slopes.flux_min_adu", "321", "", 1.0),
-        // Both gates' gains have one exponent, by the second's wider pixels: half a step of 2^8 ulp of 8 um / 2^25.
-        ("slopes.gain_m_per_px", "1e-7,-2e-8,3e-8,-1.1e-7", "0", 3.06e-11),
+        // Both gates' gains have one exponent, by the second's wider pixels: half a step of 2^9 ulp of 8 um / 2^25.
+        ("slopes.gain_m_per_px", "1e-7,-2e-8,3e-8,-1.1e-7", "0", 6.11e-11),
         ("modal.reference_px", "-0.75,0.5", "7", 1.0 / 65536.0),
         ("modal.flux_min_adu", "123", "", 1.0),
-        ("modal.gain_m_per_px", "2e-7,-2e-8,3e-8,-1.1e-7", "0", 3.06e-11),
+        ("modal.gain_m_per_px", "2e-7,-2e-8,3e-8,-1.1e-7", "0", 6.11e-11),
     ];
     let mut lines = String::new();
     for (name, values, index, _) in set {
