@@ -119,7 +119,7 @@ impl Line {
                         east = inout(reg) east.wrapping_sub(back) => _,
                         north = inout(reg) north.wrapping_sub(back) => _,
                         south = inout(reg) south.wrapping_sub(back) => _,
-                        couplings = inout(reg) couplings.wrapping_sub(back) => _,
+                        each = inout(reg) couplings.wrapping_sub(back) => _,
                         end = in(reg) end, a = inout(reg) west => _, b = inout(reg) west => _,
                         x = inout(reg) back => _, y = out(reg) _, p = out(reg) _,
                         $($registers)*
@@ -128,7 +128,7 @@ impl Line {
             };
         }
         #[cfg(target_arch = "riscv32")]
-        run!(include_str!("relax_rv32.s"), room = in(reg) ROOM, k = out(reg) _, rhs = out(reg) _,);
+        run!(concat!(include_str!("residual_rv32.s"), include_str!("relax_rv32.s")), room = in(reg) ROOM, k = out(reg) _, rhs = out(reg) _,);
         #[cfg(armv7em)]
         run!(include_str!("relax_armv7em.s"), room = const ROOM, out("r0") _,);
     }

@@ -1,7 +1,7 @@
 // A place, `node` bytes from where the pointers of nodes are. `west` becomes its own; `east` is the next
 // place's west.
 .macro place node, west, east
-    ldr r0, [{couplings}, #\node / 2]
+    ldr r0, [{each}, #\node / 2]
     ldr \east, [{east}, #\node]
     cbz r0, 99f
     ldr {x}, [{north}, #\node]
@@ -39,7 +39,7 @@
     cmp {x}, #7
     beq 17f
     b 18f
-3:  add {couplings}, #32
+3:  add {each}, #32
     add {own}, #64
     add {east}, #64
     add {north}, #64

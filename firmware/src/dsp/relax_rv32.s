@@ -1,22 +1,5 @@
-// A place, `node` bytes from where the pointers of nodes are. `west` becomes its own; `east` is the next
-// place's west. Loads stand apart from what needs them.
 .macro place node, west, east
-    lw {k}, \node / 2({couplings})
-    lw \east, \node({east})
-    beqz {k}, 99f
-    lw {x}, \node({north})
-    lw {y}, \node({south})
-    lw {p}, \node({own})
-    lw {rhs}, \node + 4({own})
-    // 8 r.
-    add \west, \west, \east
-    add {x}, {x}, {y}
-    andi {y}, {k}, 7
-    mul {y}, {y}, {p}
-    add \west, \west, {x}
-    sub \west, \west, {y}
-    slli \west, \west, 2
-    add \west, \west, {rhs}
+    residual \node, \west, \east
     // The step.
     mulh \west, \west, {k}
     add {p}, {p}, \west
@@ -49,7 +32,7 @@
     addi {x}, {x}, -2
     bltz {x}, 17f
     j 18f
-3:  addi {couplings}, {couplings}, 32
+3:  addi {each}, {each}, 32
     addi {own}, {own}, 64
     addi {east}, {east}, 64
     addi {north}, {north}, 64
@@ -65,3 +48,4 @@
 18: bne {own}, {end}, 3b
 .option pop
 .purgem place
+.purgem residual

@@ -25,7 +25,8 @@ pub(crate) fn totals<const M: usize>(
     // SAFETY: the instructions read what `Walk::new` found within the halves and as much of `each`, and write
     // registers that are given here.
     unsafe {
-        asm!(concat!(include_str!("totals_rv32.s"), include_str!("turns_rv32.s")),
+        asm!(concat!(include_str!("residual_rv32.s"), include_str!("totals_rv32.s"),
+                include_str!("turns_rv32.s")), ".purgem residual",
             own = inout(reg) own => _, east = inout(reg) east => _,
             north = inout(reg) north => _, south = inout(reg) south => _,
             each = inout(reg) each => _, end = in(reg) end,

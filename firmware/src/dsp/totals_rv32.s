@@ -1,22 +1,5 @@
-// A place, `node` bytes from where the pointers of nodes are. `west` becomes its own; `east` is the next
-// place's west. Loads stand apart from what needs them.
 .macro place node, west, east
-    lw {k}, \node / 2({each})
-    lw \east, \node({east})
-    beqz {k}, 99f
-    lw {x}, \node({north})
-    lw {y}, \node({south})
-    lw {p}, \node({own})
-    lw {rhs}, \node + 4({own})
-    // 8 r.
-    add \west, \west, \east
-    add {x}, {x}, {y}
-    andi {y}, {k}, 7
-    mul {y}, {y}, {p}
-    add \west, \west, {x}
-    sub \west, \west, {y}
-    slli \west, \west, 2
-    add \west, \west, {rhs}
+    residual \node, \west, \east
     // The square of r / 8, and the piston: all of it, and that without the lowest bits.
     srai \west, \west, 6
     mul {x}, \west, \west
