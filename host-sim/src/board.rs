@@ -9,6 +9,7 @@
 //! The last two are a [`remote`] board: a program of its own (built by `program`) in a [`process`] that may
 //! hang, die or talk nonsense, and is spoken to over pipes.
 
+pub(crate) mod capacity;
 pub mod ibex;
 mod in_process;
 mod log;

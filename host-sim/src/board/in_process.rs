@@ -1,5 +1,6 @@
 //! The library in this process.
 
+use super::capacity::smallest;
 use super::{Board, BoardError, Frame, Options, Standing};
 use splash_firmware::calibration::Step;
 use splash_firmware::centroid::Measurement;
@@ -7,7 +8,6 @@ use splash_firmware::config::Config;
 use splash_firmware::controller::{Command, Controller, Start};
 use splash_firmware::error::ConfigError;
 use splash_firmware::link::Stack;
-use splash_firmware::modal::MAX_MODES;
 use splash_firmware::pipeline::{Probe, Report, Stage, Totals};
 use splash_firmware::segments::Position;
 use splash_firmware::slopes::Slope;
@@ -102,18 +102,12 @@ pub(super) fn local(
     spec: &Spec<'_>,
     options: Options,
 ) -> Result<Box<dyn Local + Send>, ConfigError> {
-    let across = spec.mask.across();
-    let gates = spec.gates();
-    let pixels = gates * spec.mask.count() * usize::from(spec.windows.size).pow(2);
-    match (gates, across, pixels) {
-        (1, ..=8, ..=16_384) => InProcess::<64, 16_384, 16_384, 0>::boxed(spec, options),
-        (1, ..=16, ..=65_536) => InProcess::<256, 65_536, 65_536, 0>::boxed(spec, options),
-        (1, ..) => InProcess::<1600, 1_638_400, 1_638_400, 0>::boxed(spec, options),
-        (_, ..=16, ..=131_072) => {
-            InProcess::<512, 131_072, 131_072, MAX_MODES>::boxed(spec, options)
-        }
-        _ => InProcess::<3200, 3_276_800, 3_276_800, MAX_MODES>::boxed(spec, options),
+    macro_rules! with {
+        ($cells:literal, $pixels:literal, $modes:expr) => {
+            InProcess::<$cells, $pixels, $pixels, { $modes }>::boxed(spec, options)
+        };
     }
+    smallest!(spec, with)
 }
 
 /// Stack of the thread that makes the largest board: configuration and state are made on the

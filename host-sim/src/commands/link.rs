@@ -85,13 +85,7 @@ fn open(args: &LinkArgs, reconstructor: Reconstructor) -> Result<Session, Error>
             })?;
             ("serial", Box::new(line))
         }
-        Place::Host => {
-            let spec = reconstructor.spec();
-            let windows = spec.gates() * spec.mask.count();
-            let pixels = windows * usize::from(spec.windows.size).pow(2);
-            let started = Threaded::start(spec.gates(), spec.mask.across(), pixels, patience)?;
-            ("host", Box::new(started))
-        }
+        Place::Host => ("host", Box::new(Threaded::start(&reconstructor.spec(), patience)?)),
         Place::Qemu => ("qemu", Box::new(board::qemu::start(options)?)),
         Place::Ibex => ("ibex", Box::new(board::ibex::start(options)?)),
     };

@@ -1,12 +1,13 @@
 //! The server of the emulated boards, in a thread of this process.
 
 use super::transport::{DetectorPort, Failure, Transport, wait};
+use crate::board::capacity::smallest;
 use crate::nor_flash::{Nor, PAGE};
 use rustix::event::PollFlags;
 use splash_firmware::banks::Banks;
 use splash_firmware::config::Config;
-use splash_firmware::link::Stack;
-use splash_firmware::modal::MAX_MODES;
+use splash_firmware::link::{LIST, Stack};
+use splash_firmware::spec::Spec;
 use splash_firmware::telemetry::Ring;
 use splash_server::{Port, controller, serve};
 use std::io::{self, ErrorKind, Read, Write};
@@ -30,17 +31,11 @@ pub struct Threaded {
 }
 
 impl Threaded {
-    /// Starts a server with the smallest capacities that hold so many gates, `across` subapertures across
-    /// the pupil and so many window pixels. It ends with its link.
+    /// Starts a server with the smallest capacities that hold the instrument. It ends with its link.
     ///
     /// # Errors
     /// The system's.
-    pub fn start(
-        gates: usize,
-        across: usize,
-        pixels: usize,
-        patience: Duration,
-    ) -> io::Result<Self> {
+    pub fn start(spec: &Spec<'_>, patience: Duration) -> io::Result<Self> {
         let (link, board) = UnixStream::pair()?;
         link.set_nonblocking(true)?;
         let (detector, frames) = mpsc::channel();
@@ -52,14 +47,13 @@ impl Threaded {
             width: 1,
             flash: Nor::new(0, 0, true),
         };
-        // Of telemetry, what a frame leaves.
-        let run: fn(Here) = match (gates, across, pixels) {
-            (1, ..=8, ..=16_384) => run::<64, 16_384, 16_384, 0, 18>,
-            (1, ..=16, ..=65_536) => run::<256, 65_536, 65_536, 0, 66>,
-            (1, ..) => run::<1600, 1_638_400, 1_638_400, 0, 402>,
-            (_, ..=16, ..=131_072) => run::<512, 131_072, 131_072, MAX_MODES, 130>,
-            _ => run::<3200, 3_276_800, 3_276_800, MAX_MODES, 802>,
-        };
+        macro_rules! with {
+            ($cells:literal, $pixels:literal, $modes:expr) => {
+                // Of telemetry, what a frame leaves: itself, a fault, and four lists.
+                run::<$cells, $pixels, $pixels, { $modes }, { 2 + 4 * ($cells / LIST) }>
+            };
+        }
+        let run: fn(Here) = smallest!(spec, with);
         std::thread::Builder::new().stack_size(STACK).spawn(move || run(port))?;
         Ok(Self { link, detector, patience })
     }

@@ -87,9 +87,8 @@ fn reconstructor(instrument: &Instrument) -> Reconstructor {
 }
 
 fn here(instrument: &Instrument, scene: impl Scene + 'static) -> Operator {
-    let gates = if instrument.has_second_gate() { 2 } else { 1 };
     let patience = Duration::from_secs(60);
-    let threaded = Threaded::start(gates, 8, 16_384, patience).expect("a thread");
+    let threaded = Threaded::start(&reconstructor(instrument).spec(), patience).expect("a thread");
     operator("host", Box::new(threaded), instrument, Box::new(scene))
 }
 
