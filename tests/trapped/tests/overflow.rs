@@ -1,6 +1,6 @@
 //! Extreme inputs under the largest allowed gains, for every pupil from 4 to 40 subapertures
-//! across. Nothing may overflow, panic or leave its limits; `cargo test --profile overflow` runs
-//! this optimised and with every overflow trapped.
+//! across. Nothing may overflow, panic or leave its limits; `cargo test --profile overflow
+//! -p splash-trapped` runs this optimised and with every overflow trapped.
 
 use splash_firmware::actuators::Law;
 use splash_firmware::centroid::Measurement;
