@@ -29,8 +29,7 @@ use host_sim::optics::science::Science;
 use host_sim::pupil::{Mirror, Pupil};
 use host_sim::reconstructor::Reconstructor;
 use rayon::prelude::*;
-use rustfft::FftPlanner;
-use rustfft::num_complex::Complex32;
+use splash_fft::{Complex, Planned};
 use std::cell::OnceCell;
 use std::hint::black_box;
 use std::sync::Arc;
@@ -165,8 +164,8 @@ fn transforms(criterion: &mut Criterion, benches: &[Bench]) {
             group.bench_function(BenchmarkId::new(name, bench.across), |bencher| {
                 let pupil = &bench.parts().pupil;
                 let (rows, length) = rows(sensor, pupil);
-                let fft = FftPlanner::new().plan_fft_forward(length);
-                let one = Complex32::new(1.0, 0.0);
+                let fft = f32::forward(length);
+                let one = Complex::new(1.0f32, 0.0);
                 let buffers =
                     || (vec![one; rows * length], vec![one; fft.get_inplace_scratch_len()]);
                 bencher.iter(|| {

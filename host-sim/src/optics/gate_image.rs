@@ -31,9 +31,8 @@ use crate::atmosphere::Atmosphere;
 use crate::pupil::{Mirror, Pupil};
 use pulp::Arch;
 use rayon::prelude::*;
-use rustfft::{Fft, FftPlanner, num_complex::Complex};
+use splash_fft::{Complex, Planned, Transform};
 use std::f64::consts::PI;
-use std::sync::Arc;
 
 /// What an image's period has beside a spot and its blur, lambda/d: room for tilts and fringes.
 const MARGIN_LAMBDA_D: f64 = 8.0;
@@ -49,8 +48,8 @@ pub struct GateCamera {
     /// Across a subaperture: as many as the image's period has lambda/d.
     samples: usize,
     focal_plane: FocalPlane,
-    forward: Arc<dyn Fft<f32>>,
-    inverse: Arc<dyn Fft<f32>>,
+    forward: Transform<f32>,
+    inverse: Transform<f32>,
     /// Amplitude of a beam along one axis.
     beam: Vec<f32>,
     /// k e x^2 / 2 along one axis, rad.
@@ -144,15 +143,14 @@ impl GateCamera {
         let pitch_m = pupil.pitch_m();
         let curvature = PI / wavelength_m * (1.0 / gate_m - 1.0 / focus_m);
         let place_m = |k: usize| from_centre(k, samples) * pitch_m;
-        let mut planner = FftPlanner::new();
         Ok(Self {
             focus_m,
             gate_m,
             window,
             samples,
             focal_plane: FocalPlane::new(samples, window, pixels_per_lambda_d),
-            forward: planner.plan_fft_forward(2 * samples),
-            inverse: planner.plan_fft_inverse(2 * samples),
+            forward: f32::forward(2 * samples),
+            inverse: f32::inverse(2 * samples),
             beam: vec![1.0; samples],
             defocus: (0..samples).map(|k| (curvature * place_m(k).powi(2)) as f32).collect(),
             way_back,

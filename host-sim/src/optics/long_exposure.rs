@@ -2,8 +2,7 @@
 
 use crate::pupil::Pupil;
 use rayon::prelude::*;
-use rustfft::{Fft, FftPlanner, num_complex::Complex};
-use std::sync::Arc;
+use splash_fft::{Complex, Planned, Transform};
 
 /// The pupil's share of the transformed field, at most a quarter: the point spread function is
 /// then sampled twice as finely as its own band limit asks for.
@@ -17,7 +16,7 @@ pub struct LongExposure {
     pupil: Pupil,
     /// Pixels on the side of the image.
     side: usize,
-    fft: Arc<dyn Fft<f32>>,
+    fft: Transform<f32>,
     /// Field, then its transform along x, for the rows that cross the pupil: `[row][kx]`.
     rows: Vec<Complex<f32>>,
     /// Sum over frames, `[kx][ky]`.
@@ -32,7 +31,7 @@ impl LongExposure {
         Self {
             pupil: pupil.clone(),
             side,
-            fft: FftPlanner::new().plan_fft_forward(side),
+            fft: f32::forward(side),
             rows: vec![Complex::default(); pupil.side() * side],
             sum: vec![0.0; side * side],
             frames: 0,

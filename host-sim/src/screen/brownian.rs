@@ -11,8 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
-use rustfft::{Fft, FftPlanner, num_complex::Complex};
-use std::sync::Arc;
+use splash_fft::{Complex, Fft, Planned, Transform};
 
 /// Exponent of the structure function.
 const ALPHA: f64 = 5.0 / 3.0;
@@ -64,8 +63,8 @@ pub(crate) struct BrownianTorus {
     /// sqrt(eigenvalue / texels) for the frequencies [0, width/2] x [0, height/2], `[kx][ky]`;
     /// the spectrum is even in both.
     amplitude: Vec<f64>,
-    along_x: Arc<dyn Fft<f64>>,
-    along_y: Arc<dyn Fft<f64>>,
+    along_x: Transform<f64>,
+    along_y: Transform<f64>,
     plane: f64,
 }
 
@@ -77,9 +76,7 @@ impl BrownianTorus {
     pub(crate) fn new([width, height]: [usize; 2], unit_texels: f64) -> Self {
         assert!(width.min(height) as f64 >= 2.0 * REACH * unit_texels, "torus sides >= 4 U");
         let covariance = Covariance::new();
-        let mut planner = FftPlanner::new();
-        let along_x = planner.plan_fft_forward(width);
-        let along_y = planner.plan_fft_forward(height);
+        let [along_x, along_y] = [width, height].map(f64::forward);
 
         let mut data = vec![Complex::default(); width * height];
         data.par_chunks_mut(width).enumerate().for_each(|(row, values)| {
