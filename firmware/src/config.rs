@@ -239,8 +239,14 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
     }
 
     pub(crate) fn sums_are_short(&self) -> bool {
+        self.sums_have(centroid::SHORT_SUM_BITS)
+    }
+
+    /// Whether no window's sum has more than so many bits.
+    #[inline(always)]
+    pub(crate) fn sums_have(&self, bits: u32) -> bool {
         let largest = self.window * self.window * usize::from(self.bank.top);
-        largest < 1 << centroid::SHORT_SUM_BITS
+        largest < 1 << bits
     }
 
     /// Back to no subapertures.

@@ -22,6 +22,8 @@
 use crate::centroid::Measurement;
 use crate::config::Config;
 use crate::control::Control;
+#[cfg(target_arch = "riscv32")]
+use crate::dsp::spots::Subapertures;
 use crate::fixed::{self, TILT_LIMIT};
 use crate::mirror::{Limits, Mirror};
 use crate::modal::{Modal, Pair};
@@ -699,7 +701,7 @@ struct Windows<'a, const M: usize, const P: usize, const B: usize, const K: usiz
     saturated_pixels: &'a mut u32,
 }
 
-impl<const M: usize, const P: usize, const B: usize, const K: usize> Sink
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Sink<M>
     for Windows<'_, M, P, B, K>
 {
     /// Slopes and pseudo-open-loop slopes of windows: subapertures', or their ones of the second gate.
@@ -712,6 +714,26 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Sink
         if self.config.modal.is_on() {
             self.take_second(windows, measurements);
         }
+    }
+
+    #[cfg(target_arch = "riscv32")]
+    #[inline(always)]
+    fn subapertures(&mut self, [first, next]: [usize; 2]) -> Option<Subapertures<'_, M>> {
+        let Self { config, slopes, control, saturated_pixels, .. } = self;
+        let ordinary = Special::new(&config.schedule, self.colour, self.lacking_q16).is_none();
+        if !ordinary || config.modal.is_on() || config.slope_scale.left != 0 {
+            return None;
+        }
+        let (applied, taking) = control.taking(&config.control)?;
+        Some(Subapertures {
+            calibration: config.slopes.get(first..next)?,
+            applied: applied.get(first..next)?,
+            nodes: config.nodes.get(first..next)?,
+            slopes: slopes.get_mut(first..next)?,
+            taking,
+            scale: config.slope_scale,
+            saturated_pixels,
+        })
     }
 }
 
