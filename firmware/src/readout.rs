@@ -621,6 +621,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         };
         let convention = config.bank.convention;
         if !config.in_order
+            || (SHORT && !config.low_thresholds)
             || convention != Convention::Subtract
             || !config.sums_have(spots::SUM_BITS)
         {

@@ -51,8 +51,8 @@ const _: () = assert!(
 /// Bits of the largest sum.
 pub(crate) const SUM_BITS: u32 = 24;
 
-/// Takes up to 64 windows of signals above floors, with sums of [`SUM_BITS`], or of [`SHORT_SUM_BITS`] if `SHORT`,
-/// and gains without a shift to the left.
+/// Takes up to 64 windows of signals above floors, with sums of [`SUM_BITS`] and gains without a shift to the left;
+/// if `SHORT`, with sums of [`SHORT_SUM_BITS`] and low thresholds.
 #[allow(unsafe_code)]
 #[inline(always)]
 pub(crate) fn take<const M: usize, const SHORT: bool>(
@@ -77,10 +77,11 @@ pub(crate) fn take<const M: usize, const SHORT: bool>(
     if count == 0 {
         return;
     }
-    let odd = count % 2;
-    let from = windows.as_ptr().wrapping_sub(odd);
+    let turn = if SHORT { 4 } else { 2 };
+    let back = count.wrapping_neg() % turn;
+    let from = windows.as_ptr().wrapping_sub(back);
     let shared = [
-        from.wrapping_add(count + odd).addr() as u32,
+        from.wrapping_add(count + back).addr() as u32,
         u16::MAX.into(),
         peak_fraction.into(),
         // The window's middle, and the half that rounds a row.
@@ -91,12 +92,13 @@ pub(crate) fn take<const M: usize, const SHORT: bool>(
     ];
     let (mut sum_x, mut sum_y, mut valid, mut saturated) = (0i32, 0i32, 0u32, 0u32);
     let open_loop = taking.open_loop().halves_mut().as_flattened_mut().as_mut_ptr();
-    // SAFETY: the instructions go through `count` of each slice, which are as long at least, two a turn, of which
-    // an odd first one is the second; they write elements of those that are lent to be written, and of `open_loop`
-    // at places that they compare with how many there are, read the others and `shared`, and write registers that
-    // are given here.
+    // SAFETY: the instructions go through `count` of each slice, which are as long at least, `turn` at once, the
+    // first time behind `back` that are none; they write elements of those that are lent to be written, and of
+    // `open_loop` at places that they compare with how many there are, read the others and `shared`, and write
+    // registers that are given here.
     unsafe {
-        asm!(include_str!("spots_rv32.s"), short = const SHORT as u32,
+        asm!(include_str!("spots_rv32.s"), 
+            short = const SHORT as u32, turn = const if SHORT { 4 } else { 2 },
             window = const size_of::<Window>(),
             sum = const offset_of!(Window, moments.sum), mx = const offset_of!(Window, moments.x),
             my = const offset_of!(Window, moments.y),
@@ -116,19 +118,20 @@ pub(crate) fn take<const M: usize, const SHORT: bool>(
             tilt = const offset_of!(Slope, tilt_ulp), valid = const offset_of!(Slope, valid),
             headroom = const HEADROOM, guard = const GUARD_BITS,
             room = const 2 * TILT_LIMIT, limit = const TILT_LIMIT,
-            from = inout(reg) from => _, at = inout(reg) measurements.as_mut_ptr().wrapping_sub(odd) => _,
-            done = inout(reg) tracking.as_ptr().wrapping_sub(odd) => _,
-            next = inout(reg) next.as_mut_ptr().wrapping_sub(odd) => _,
-            base = inout(reg) base_thresholds.as_ptr().wrapping_sub(odd) => _,
-            cal = inout(reg) calibration.as_ptr().wrapping_sub(odd) => _,
-            applied = inout(reg) applied.as_ptr().wrapping_sub(odd) => _,
-            nodes = inout(reg) nodes.as_ptr().wrapping_sub(odd) => _,
-            to = inout(reg) slopes.as_mut_ptr().wrapping_sub(odd) => _,
+            from = inout(reg) from => _, at = inout(reg) measurements.as_mut_ptr().wrapping_sub(back) => _,
+            done = inout(reg) tracking.as_ptr().wrapping_sub(back) => _,
+            next = inout(reg) next.as_mut_ptr().wrapping_sub(back) => _,
+            base = inout(reg) base_thresholds.as_ptr().wrapping_sub(back) => _,
+            cal = inout(reg) calibration.as_ptr().wrapping_sub(back) => _,
+            applied = inout(reg) applied.as_ptr().wrapping_sub(back) => _,
+            nodes = inout(reg) nodes.as_ptr().wrapping_sub(back) => _,
+            to = inout(reg) slopes.as_mut_ptr().wrapping_sub(back) => _,
             shared = in(reg) shared.as_ptr(), open_loop = in(reg) open_loop, upper = in(reg) 0xffff_0000u32,
             sum_x = inout(reg) sum_x, sum_y = inout(reg) sum_y,
             count = inout(reg) valid, saturated_sum = inout(reg) saturated,
-            t = inout(reg) odd => _, d = out(reg) _, x = out(reg) _, y = out(reg) _, s = out(reg) _,
-            u = out(reg) _, q = out(reg) _, p = out(reg) _, z = out(reg) _, e = out(reg) _,
+            t = inout(reg) back => _, d = out(reg) _, x = out(reg) _, y = out(reg) _, s = out(reg) _,
+            u = out(reg) _, q = out(reg) _, p = out(reg) _, z = out(reg) _,
+            e = inout(reg) if SHORT { -(1 << 11) } else { 0 } => _,
             options(nostack));
     }
     taking.add([sum_x, sum_y], valid);

@@ -11,9 +11,8 @@
     li {q}, -1
     divu {q}, {q}, {u}
     mul {t}, {q}, {u}
-    neg {t}, {t}
 .if {short}
-    slli {t}, {t}, 11
+    mul {t}, {t}, {e}
     mulhu {s}, {t}, {q}
     mul {p}, {s}, {u}
     sub {t}, {t}, {p}
@@ -22,6 +21,7 @@
     addi {s}, {s}, 1
     slli {s}, {s}, 5
 .else
+    neg {t}, {t}
     slli {t}, {t}, 8
     mulhu {s}, {t}, {q}
     mul {p}, {s}, {u}
@@ -79,13 +79,15 @@
     add {t}, {t}, {s}
     sh {t}, \i * {measurement} + {highest}({at})
     // What the next moving threshold has beyond the fixed one.
-    lw {u}, 4({shared})
     lw {p}, 8({shared})
     add {t}, {t}, {q}
+.if {short} == 0
+    lw {u}, 4({shared})
     srli {s}, {t}, 16
     neg {s}, {s}
     or {t}, {t}, {s}
     and {t}, {t}, {u}
+.endif
     mul {t}, {t}, {p}
     lw {p}, 12({shared})
     lui {s}, 8
@@ -175,22 +177,38 @@
 99:
 .endm
 
-// Two a turn; an odd first one enters in the middle. Jumps to words' addresses: into the middle of one takes a
-// cycle more.
-    bnez {t}, 2f
+// Four a turn, or two; the first one is entered behind `t` of them. Jumps to words' addresses: into the middle of one
+// takes a cycle more.
+.if {short}
+    beqz {t}, 3f
+    addi {t}, {t}, -2
+    bltz {t}, 11f
+    beqz {t}, 12f
+    j 13f
 .p2align 2
 3:  spot 0
 .p2align 2
-2:  spot 1
+11: spot 1
+.p2align 2
+12: spot 2
+.p2align 2
+13: spot 3
+.else
+    bnez {t}, 11f
+.p2align 2
+3:  spot 0
+.p2align 2
+11: spot 1
+.endif
     lw {t}, 0({shared})
-    addi {from}, {from}, 2 * {window}
-    addi {at}, {at}, 2 * {measurement}
-    addi {done}, {done}, 2 * {tracking}
-    addi {next}, {next}, 2 * {tracking}
-    addi {base}, {base}, 4
-    addi {cal}, {cal}, 2 * {calibration}
-    addi {applied}, {applied}, 16
-    addi {nodes}, {nodes}, 2 * {node}
-    addi {to}, {to}, 2 * {slope}
+    addi {from}, {from}, {turn} * {window}
+    addi {at}, {at}, {turn} * {measurement}
+    addi {done}, {done}, {turn} * {tracking}
+    addi {next}, {next}, {turn} * {tracking}
+    addi {base}, {base}, {turn} * 2
+    addi {cal}, {cal}, {turn} * {calibration}
+    addi {applied}, {applied}, {turn} * 8
+    addi {nodes}, {nodes}, {turn} * {node}
+    addi {to}, {to}, {turn} * {slope}
     bne {from}, {t}, 3b
 .purgem spot

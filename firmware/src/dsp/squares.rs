@@ -49,6 +49,7 @@ pub(crate) fn take(block: Block<'_>, row: u16, cut: Cut, squares: Squares<'_>) -
         return 0;
     }
     let (first, stride) = (windows.as_mut_ptr(), stride.wrapping_mul(4) as u32);
+    let odd = count % 2;
     let Levels { white, .. } = Levels::new(cut);
     let shared = [
         stride,
@@ -61,9 +62,10 @@ pub(crate) fn take(block: Block<'_>, row: u16, cut: Cut, squares: Squares<'_>) -
         first.wrapping_add(count).addr() as u32,
     ];
     let left: *mut Window;
-    // SAFETY: the instructions go through `count` of each slice, which are as long at least. Of `raw` they read
-    // what starts `room` words from its start at most, whole words, and has `span`; of floors the rows of a window,
-    // one of which is chosen by three bits. They write the windows, and registers that are given here.
+    // SAFETY: the instructions go through `count` of each slice, which are as long at least, two a turn, of which
+    // an odd first one is the second. Of `raw` they read what starts `room` words from its start at most, whole
+    // words, and has `span`; of floors the rows of a window, one of which is chosen by three bits. They write the
+    // windows, and registers that are given here.
     unsafe {
         asm!(include_str!("squares_rv32.s"),
             x0 = const offset_of!(Slot, x0), y0 = const offset_of!(Slot, y0), slots = const size_of::<Slot>(),
@@ -73,14 +75,16 @@ pub(crate) fn take(block: Block<'_>, row: u16, cut: Cut, squares: Squares<'_>) -
             my = const offset_of!(Window, moments.y),
             seen_peak = const offset_of!(Window, seen) + offset_of!(Seen, peak),
             seen_saturated = const offset_of!(Window, seen) + offset_of!(Seen, saturated),
-            slot = inout(reg) slots.as_ptr() => _, tracking = inout(reg) tracking.as_ptr() => _,
-            floor = inout(reg) floors.as_ptr() => _, window = inout(reg) first => left,
-            shared = in(reg) shared.as_ptr(), signs = in(reg) SIGNS,
+            slot = inout(reg) slots.as_ptr().wrapping_sub(odd) => _,
+            tracking = inout(reg) tracking.as_ptr().wrapping_sub(odd) => _,
+            floor = inout(reg) floors.as_ptr().wrapping_sub(odd) => _,
+            window = inout(reg) first.wrapping_sub(odd) => left,
+            shared = in(reg) shared.as_ptr(), signs = in(reg) SIGNS, lower = in(reg) 1 - (1 << 16),
             stride = out(reg) _, open = out(reg) _,
             raw = out(reg) _, raw1 = out(reg) _, raw2 = out(reg) _, raw3 = out(reg) _,
             k0 = out(reg) _, k1 = out(reg) _, k2 = out(reg) _, k3 = out(reg) _,
             odd = out(reg) _, pair = out(reg) _, half = out(reg) _,
-            a = out(reg) _, b = out(reg) _, c = out(reg) _, d = out(reg) _, e = out(reg) _, f = out(reg) _,
+            a = inout(reg) odd => _, b = out(reg) _, c = out(reg) _, d = out(reg) _, e = out(reg) _, f = out(reg) _,
             options(nostack));
     }
     left.addr().wrapping_sub(first.addr()) / size_of::<Window>()

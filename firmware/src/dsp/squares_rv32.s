@@ -20,22 +20,22 @@
 .endm
 // The words of the upper four rows at one place of theirs, but for the first: what odd rows and the second pair
 // have, to those sums; all begin the column's.
-.macro upper x, column
-    signals {a}, {b}, \x, {raw}, 0, {raw1}, 16
+.macro upper floors, x, column
+    signals {a}, {b}, \x, {raw}, \floors, {raw1}, \floors + 16
     add {odd}, {odd}, {b}
     add {f}, {a}, {b}
-    signals {a}, {b}, \x, {raw2}, 32, {raw3}, 48
+    signals {a}, {b}, \x, {raw2}, \floors + 32, {raw3}, \floors + 48
     add {odd}, {odd}, {b}
     add {a}, {a}, {b}
     add {pair}, {pair}, {a}
     add \column, {f}, {a}
 .endm
 // The same of the lower four, which count as the lower half besides; `f` has it of this column.
-.macro lower x
-    signals {a}, {b}, \x, {raw}, 64, {raw1}, 80
+.macro lower floors, x
+    signals {a}, {b}, \x, {raw}, \floors + 64, {raw1}, \floors + 80
     add {odd}, {odd}, {b}
     add {f}, {a}, {b}
-    signals {a}, {b}, \x, {raw2}, 96, {raw3}, 112
+    signals {a}, {b}, \x, {raw2}, \floors + 96, {raw3}, \floors + 112
     add {odd}, {odd}, {b}
     add {a}, {a}, {b}
     add {pair}, {pair}, {a}
@@ -60,11 +60,12 @@
     add {odd}, {odd}, \floor
 .endm
 
-// A window. Its first pixel, in bytes from that of the rows.
-.p2align 2
-2:  lhu {b}, {y0}({slot})
+// The `i`-th window from where the pointers are; `out` is where it goes from one that is not to be taken.
+.macro square i, out
+    // Its first pixel, in bytes from that of the rows.
+    lhu {b}, \i * {slots} + {y0}({slot})
     lw {stride}, 0({shared})
-    lhu {a}, {x0}({slot})
+    lhu {a}, \i * {slots} + {x0}({slot})
     lw {c}, 4({shared})
     mul {b}, {b}, {stride}
     lw {d}, 8({shared})
@@ -72,11 +73,11 @@
     add {a}, {a}, {c}
     add {a}, {a}, {b}
     andi {b}, {a}, 2
-    bnez {b}, 9f
-    bltu {d}, {a}, 9f
+    bnez {b}, \out
+    bltu {d}, {a}, \out
     lw {c}, 12({shared})
-    lhu {open}, {excess}({tracking})
-    lbu {e}, {watched}({tracking})
+    lhu {open}, \i * {trackings} + {excess}({tracking})
+    lbu {e}, \i * {trackings} + {watched}({tracking})
     lw {f}, 16({shared})
     add {raw}, {a}, {c}
     andi {e}, {e}, 7
@@ -90,9 +91,9 @@
     lw {k2}, 20({shared})
     lw {k3}, 24({shared})
     lw {a}, 0({raw1})
-    lw {c}, 0({raw2})
+    lw {c}, \i * 128 + 0({raw2})
     lw {b}, 4({raw1})
-    lw {d}, 4({raw2})
+    lw {d}, \i * 128 + 4({raw2})
     add {e}, {a}, {open}
     add {a}, {a}, {k2}
     sub {e}, {e}, {c}
@@ -106,47 +107,48 @@
     and {odd}, {e}, {c}
     note {b}, {d}
     lw {a}, 8({raw1})
-    lw {c}, 8({raw2})
+    lw {c}, \i * 128 + 8({raw2})
     lw {b}, 12({raw1})
-    lw {d}, 12({raw2})
+    lw {d}, \i * 128 + 12({raw2})
     note {a}, {c}
     note {b}, {d}
-    sw {odd}, {seen_peak}({window})
-    sw {pair}, {seen_saturated}({window})
+    sw {odd}, \i * {windows} + {seen_peak}({window})
+    sw {pair}, \i * {windows} + {seen_saturated}({window})
     // All rows.
     add {raw1}, {raw}, {stride}
     add {raw2}, {raw1}, {stride}
     add {raw3}, {raw2}, {stride}
     slli {stride}, {stride}, 2
-    signals {a}, {odd}, 0, {raw}, 0, {raw1}, 16
+    signals {a}, {odd}, 0, {raw}, \i * 128, {raw1}, \i * 128 + 16
     add {f}, {a}, {odd}
-    signals {a}, {b}, 0, {raw2}, 32, {raw3}, 48
+    signals {a}, {b}, 0, {raw2}, \i * 128 + 32, {raw3}, \i * 128 + 48
     add {odd}, {odd}, {b}
     add {pair}, {a}, {b}
     add {k0}, {f}, {pair}
-    upper 4, {k1}
-    upper 8, {k2}
-    upper 12, {k3}
+    upper \i * 128, 4, {k1}
+    upper \i * 128, 8, {k2}
+    upper \i * 128, 12, {k3}
     add {raw}, {raw}, {stride}
     add {raw1}, {raw1}, {stride}
     add {raw2}, {raw2}, {stride}
     add {raw3}, {raw3}, {stride}
-    lower 0
+    lower \i * 128, 0
     add {half}, {f}, {a}
     add {k0}, {k0}, {half}
-    lower 4
+    lower \i * 128, 4
     add {f}, {f}, {a}
     add {half}, {half}, {f}
     add {k1}, {k1}, {f}
-    lower 8
+    lower \i * 128, 8
     add {f}, {f}, {a}
     add {half}, {half}, {f}
     add {k2}, {k2}, {f}
-    lower 12
+    lower \i * 128, 12
     add {f}, {f}, {a}
     add {half}, {half}, {f}
     add {k3}, {k3}, {f}
-    // Place times row from the bits of places: of second pixels in `b`, packed in `half`, of all in `half`.
+    // Place times row from the bits of places: of second pixels in `b`, packed in `half`, of all in `half`. What is
+    // above 32 bits of the upper halves is lost; `lower` takes the others away as well, and adds them to the lower.
     srli {e}, {odd}, 16
     srli {f}, {pair}, 16
     srli {b}, {half}, 16
@@ -158,9 +160,8 @@
     add {half}, {half}, {pair}
     slli {half}, {half}, 1
     add {half}, {half}, {odd}
-    slli {e}, {b}, 16
-    sub {half}, {half}, {e}
-    add {half}, {half}, {b}
+    mul {e}, {b}, {lower}
+    add {half}, {half}, {e}
     // Columns from right to left. Of second pixels, `a` has the sum so far and `b` that of what it was after each,
     // which adds up to place times column; `c` and `d` have the same of packed ones.
     srli {a}, {k3}, 16
@@ -176,16 +177,13 @@
     add {d}, {d}, {c}
     srli {e}, {k0}, 16
     add {a}, {a}, {e}
-    // Without what is above 32 bits of the upper halves the packed sums are those over lower halves.
-    slli {e}, {b}, 16
-    sub {d}, {d}, {e}
-    add {d}, {d}, {b}
+    mul {e}, {b}, {lower}
+    add {d}, {d}, {e}
     add {c}, {c}, {k0}
-    slli {e}, {a}, 16
-    sub {c}, {c}, {e}
-    add {c}, {c}, {a}
+    mul {e}, {a}, {lower}
+    add {c}, {c}, {e}
     // Half pixels: 4 word + 2 lane - 7, and 2 row - 7.
-    sw {c}, {sum}({window})
+    sw {c}, \i * {windows} + {sum}({window})
     slli {d}, {d}, 1
     add {d}, {d}, {a}
     slli {d}, {d}, 1
@@ -194,16 +192,28 @@
     sub {d}, {d}, {e}
     slli {half}, {half}, 1
     sub {half}, {half}, {e}
-    sw {d}, {mx}({window})
-    sw {half}, {my}({window})
+    sw {d}, \i * {windows} + {mx}({window})
+    sw {half}, \i * {windows} + {my}({window})
+.endm
+
+// Two a turn; an odd first one enters in the middle. Jumps to words' addresses: into the middle of one takes a
+// cycle more.
+    bnez {a}, 2f
+.p2align 2
+3:  square 0, 9f
+.p2align 2
+2:  square 1, 8f
     lw {a}, 28({shared})
-    addi {slot}, {slot}, {slots}
-    addi {tracking}, {tracking}, {trackings}
-    addi {floor}, {floor}, 128
-    addi {window}, {window}, {windows}
-    bne {window}, {a}, 2b
+    addi {slot}, {slot}, 2 * {slots}
+    addi {tracking}, {tracking}, 2 * {trackings}
+    addi {floor}, {floor}, 256
+    addi {window}, {window}, 2 * {windows}
+    bne {window}, {a}, 3b
+    j 9f
+8:  addi {window}, {window}, {windows}
 9:
 .purgem signals
 .purgem upper
 .purgem lower
 .purgem note
+.purgem square
