@@ -183,7 +183,7 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         self.phase = Phase::Reading;
         self.readout.begin();
         self.control.begin();
-        if K > 0 {
+        if config.modal.is_on() {
             self.modal.begin();
         }
         self.saturated_pixels = 0;

@@ -48,6 +48,9 @@ const _: () = assert!(
         && SHORT_SUM_BITS <= 32 - 11
 );
 
+/// Windows a turn.
+const TURN: usize = 4;
+
 /// Bits of the largest sum.
 pub(crate) const SUM_BITS: u32 = 24;
 
@@ -77,8 +80,7 @@ pub(crate) fn take<const M: usize, const SHORT: bool>(
     if count == 0 {
         return;
     }
-    let turn = if SHORT { 4 } else { 2 };
-    let back = count.wrapping_neg() % turn;
+    let back = count.wrapping_neg() % TURN;
     let from = windows.as_ptr().wrapping_sub(back);
     let shared = [
         from.wrapping_add(count + back).addr() as u32,
@@ -92,14 +94,13 @@ pub(crate) fn take<const M: usize, const SHORT: bool>(
     ];
     let (mut sum_x, mut sum_y, mut valid, mut saturated) = (0i32, 0i32, 0u32, 0u32);
     let open_loop = taking.open_loop().halves_mut().as_flattened_mut().as_mut_ptr();
-    // SAFETY: the instructions go through `count` of each slice, which are as long at least, `turn` at once, the
+    // SAFETY: the instructions go through `count` of each slice, which are as long at least, a turn at once, the
     // first time behind `back` that are none; they write elements of those that are lent to be written, and of
     // `open_loop` at places that they compare with how many there are, read the others and `shared`, and write
     // registers that are given here.
     unsafe {
-        asm!(include_str!("spots_rv32.s"), 
-            short = const SHORT as u32, turn = const if SHORT { 4 } else { 2 },
-            window = const size_of::<Window>(),
+        asm!(include_str!("spots_rv32.s"),
+            short = const SHORT as u32, window = const size_of::<Window>(),
             sum = const offset_of!(Window, moments.sum), mx = const offset_of!(Window, moments.x),
             my = const offset_of!(Window, moments.y),
             peak = const offset_of!(Window, seen) + offset_of!(Seen, peak),

@@ -177,9 +177,8 @@
 99:
 .endm
 
-// Four a turn, or two; the first one is entered behind `t` of them. Jumps to words' addresses: into the middle of one
-// takes a cycle more.
-.if {short}
+// Four a turn; the first one is entered behind `t` of them. Jumps to words' addresses: into the middle of one takes a
+// cycle more.
     beqz {t}, 3f
     addi {t}, {t}, -2
     bltz {t}, 11f
@@ -193,22 +192,15 @@
 12: spot 2
 .p2align 2
 13: spot 3
-.else
-    bnez {t}, 11f
-.p2align 2
-3:  spot 0
-.p2align 2
-11: spot 1
-.endif
     lw {t}, 0({shared})
-    addi {from}, {from}, {turn} * {window}
-    addi {at}, {at}, {turn} * {measurement}
-    addi {done}, {done}, {turn} * {tracking}
-    addi {next}, {next}, {turn} * {tracking}
-    addi {base}, {base}, {turn} * 2
-    addi {cal}, {cal}, {turn} * {calibration}
-    addi {applied}, {applied}, {turn} * 8
-    addi {nodes}, {nodes}, {turn} * {node}
-    addi {to}, {to}, {turn} * {slope}
+    addi {from}, {from}, 4 * {window}
+    addi {at}, {at}, 4 * {measurement}
+    addi {done}, {done}, 4 * {tracking}
+    addi {next}, {next}, 4 * {tracking}
+    addi {base}, {base}, 8
+    addi {cal}, {cal}, 4 * {calibration}
+    addi {applied}, {applied}, 32
+    addi {nodes}, {nodes}, 4 * {node}
+    addi {to}, {to}, 4 * {slope}
     bne {from}, {t}, 3b
 .purgem spot

@@ -52,7 +52,6 @@ pub(crate) fn take(block: Block<'_>, row: u16, cut: Cut, squares: Squares<'_>) -
     let odd = count % 2;
     let Levels { white, .. } = Levels::new(cut);
     let shared = [
-        stride,
         stride.wrapping_mul(row.into()).wrapping_neg(),
         (room * 4) as u32,
         raw.as_ptr().expose_provenance() as u32,
@@ -80,7 +79,7 @@ pub(crate) fn take(block: Block<'_>, row: u16, cut: Cut, squares: Squares<'_>) -
             floor = inout(reg) floors.as_ptr().wrapping_sub(odd) => _,
             window = inout(reg) first.wrapping_sub(odd) => left,
             shared = in(reg) shared.as_ptr(), signs = in(reg) SIGNS, lower = in(reg) 1 - (1 << 16),
-            stride = out(reg) _, open = out(reg) _,
+            stride = in(reg) stride, open = out(reg) _,
             raw = out(reg) _, raw1 = out(reg) _, raw2 = out(reg) _, raw3 = out(reg) _,
             k0 = out(reg) _, k1 = out(reg) _, k2 = out(reg) _, k3 = out(reg) _,
             odd = out(reg) _, pair = out(reg) _, half = out(reg) _,

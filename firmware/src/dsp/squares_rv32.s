@@ -64,21 +64,20 @@
 .macro square i, out
     // Its first pixel, in bytes from that of the rows.
     lhu {b}, \i * {slots} + {y0}({slot})
-    lw {stride}, 0({shared})
     lhu {a}, \i * {slots} + {x0}({slot})
-    lw {c}, 4({shared})
+    lw {c}, 0({shared})
     mul {b}, {b}, {stride}
-    lw {d}, 8({shared})
+    lw {d}, 4({shared})
     slli {a}, {a}, 1
     add {a}, {a}, {c}
     add {a}, {a}, {b}
     andi {b}, {a}, 2
     bnez {b}, \out
     bltu {d}, {a}, \out
-    lw {c}, 12({shared})
+    lw {c}, 8({shared})
     lhu {open}, \i * {trackings} + {excess}({tracking})
     lbu {e}, \i * {trackings} + {watched}({tracking})
-    lw {f}, 16({shared})
+    lw {f}, 12({shared})
     add {raw}, {a}, {c}
     andi {e}, {e}, 7
     mul {a}, {e}, {stride}
@@ -88,8 +87,8 @@
     add {raw1}, {raw}, {a}
     add {open}, {open}, {signs}
     // The watched row, at `raw1` with its floors at `raw2`. Nothing was seen before its first word.
-    lw {k2}, 20({shared})
-    lw {k3}, 24({shared})
+    lw {k2}, 16({shared})
+    lw {k3}, 20({shared})
     lw {a}, 0({raw1})
     lw {c}, \i * 128 + 0({raw2})
     lw {b}, 4({raw1})
@@ -118,7 +117,6 @@
     add {raw1}, {raw}, {stride}
     add {raw2}, {raw1}, {stride}
     add {raw3}, {raw2}, {stride}
-    slli {stride}, {stride}, 2
     signals {a}, {odd}, 0, {raw}, \i * 128, {raw1}, \i * 128 + 16
     add {f}, {a}, {odd}
     signals {a}, {b}, 0, {raw2}, \i * 128 + 32, {raw3}, \i * 128 + 48
@@ -128,10 +126,10 @@
     upper \i * 128, 4, {k1}
     upper \i * 128, 8, {k2}
     upper \i * 128, 12, {k3}
-    add {raw}, {raw}, {stride}
-    add {raw1}, {raw1}, {stride}
-    add {raw2}, {raw2}, {stride}
-    add {raw3}, {raw3}, {stride}
+    add {raw}, {raw3}, {stride}
+    add {raw1}, {raw}, {stride}
+    add {raw2}, {raw1}, {stride}
+    add {raw3}, {raw2}, {stride}
     lower \i * 128, 0
     add {half}, {f}, {a}
     add {k0}, {k0}, {half}
@@ -203,7 +201,7 @@
 3:  square 0, 9f
 .p2align 2
 2:  square 1, 8f
-    lw {a}, 28({shared})
+    lw {a}, 24({shared})
     addi {slot}, {slot}, 2 * {slots}
     addi {tracking}, {tracking}, 2 * {trackings}
     addi {floor}, {floor}, 256
