@@ -28,7 +28,7 @@ use crate::fixed::{self, TILT_LIMIT};
 use crate::mirror::{Limits, Mirror};
 use crate::modal::{Modal, Pair};
 pub use crate::probe::{Probe, Stage};
-use crate::readout::{self, Readout, Sink};
+use crate::readout::{Readout, Sink};
 use crate::redblack::RedBlack;
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
 use crate::schedule::Schedule;
@@ -754,41 +754,23 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Windows<'_,
             *place = slope;
             slope
         };
-        if readout::in_steps(config) {
-            // Windows of the second gate have no node.
-            let all = first..next.min(nodes.len());
-            let (Some(nodes), Some(calibration), Some(applied), Some(measurements), Some(places)) = (
-                nodes.get(all.clone()),
-                calibration.get(all.clone()),
-                applied.get(all.clone()),
-                measurements.get(all.clone()),
-                slopes.get_mut(all),
-            ) else {
-                return;
-            };
-            let inputs = measurements.iter().zip(places).zip(calibration).zip(applied).zip(nodes);
-            control.take(inputs.map(|((((measurement, place), calibration), &applied), node)| {
-                (node.place, slope(calibration, measurement, place), applied)
-            }));
-        } else {
-            // As many of everything, so that one comparison finds a subaperture in all.
-            let count = nodes.len();
-            let (Some(measurements), Some(places), Some(calibration), Some(applied)) = (
-                measurements.get(..count),
-                slopes.get_mut(..count),
-                calibration.get(..count),
-                applied.get(..count),
-            ) else {
-                return;
-            };
-            let slots = config.slots.get(first..next).unwrap_or_default();
-            control.take(slots.iter().filter_map(|slot| {
-                let i = usize::from(slot.subaperture);
-                let (measurement, place) = (measurements.get(i)?, places.get_mut(i)?);
-                let slope = slope(calibration.get(i)?, measurement, place);
-                Some((nodes.get(i)?.place, slope, *applied.get(i)?))
-            }));
-        }
+        // As many of everything, so that one comparison finds a subaperture in all.
+        let count = nodes.len();
+        let (Some(measurements), Some(places), Some(calibration), Some(applied)) = (
+            measurements.get(..count),
+            slopes.get_mut(..count),
+            calibration.get(..count),
+            applied.get(..count),
+        ) else {
+            return;
+        };
+        let slots = config.slots.get(first..next).unwrap_or_default();
+        control.take(slots.iter().filter_map(|slot| {
+            let i = usize::from(slot.subaperture);
+            let (measurement, place) = (measurements.get(i)?, places.get_mut(i)?);
+            let slope = slope(calibration.get(i)?, measurement, place);
+            Some((nodes.get(i)?.place, slope, *applied.get(i)?))
+        }));
         **saturated_pixels += saturated;
     }
 

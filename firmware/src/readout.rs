@@ -142,15 +142,6 @@ impl Tracking {
     }
 }
 
-/// Whether windows may be gone through in step with their subapertures: they are in the same order, and the
-/// machine adds up addresses by itself if they are not.
-#[inline(always)]
-pub(crate) const fn in_steps<const M: usize, const P: usize, const B: usize, const K: usize>(
-    config: &Config<M, P, B, K>,
-) -> bool {
-    cfg!(target_arch = "riscv32") && config.in_order
-}
-
 /// All ones unless `x`, below 2^31, is zero. Without a comparison, which would become a branch: the time
 /// must not tell what is lit.
 #[inline(always)]
@@ -690,15 +681,6 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                 };
                 measurement
             };
-        if in_steps(config) {
-            // Windows as their subapertures.
-            let places = measurements.get_mut(start..end).unwrap_or_default().iter_mut();
-            let places = places.zip(bases.get(start..end).unwrap_or_default());
-            for (k, (window, (place, &base))) in (start..).zip(windows.zip(places)) {
-                *place = measure(k, window, base);
-            }
-            return;
-        }
         // As many of both, so that one comparison finds a subaperture in them.
         let Some(measurements) = measurements.get_mut(..bases.len()) else { return };
         let slots = config.slots.get(start..end).unwrap_or_default();
