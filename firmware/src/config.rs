@@ -58,6 +58,8 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) bits: u8,
     /// Whether no window's sum has more bits than a short reciprocal takes.
     pub(crate) short_sums: bool,
+    /// Whether no signal and fixed threshold come to more than 16 bits.
+    pub(crate) low_thresholds: bool,
     pub(crate) window: usize,
     /// Windows in readout order: by first row, then first column.
     pub(crate) slots: heapless::Vec<Slot, M>,
@@ -119,6 +121,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             height: 0,
             bits: 0,
             short_sums: false,
+            low_thresholds: false,
             window: 0,
             slots: heapless::Vec::new(),
             in_order: false,
@@ -229,6 +232,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.fill_bank(&quantiser, spec);
         self.travel = Travel::new(quantiser.ratio_bits, slew_ulp, &self.segments);
         self.short_sums = self.sums_are_short();
+        self.find_low_thresholds();
         self.fill_sor(spec.mask.across(), &spec.sor);
         Ok(())
     }
@@ -239,8 +243,14 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
     }
 
     pub(crate) fn sums_are_short(&self) -> bool {
+        self.sums_have(centroid::SHORT_SUM_BITS)
+    }
+
+    /// Whether no window's sum has more than so many bits.
+    #[inline(always)]
+    pub(crate) fn sums_have(&self, bits: u32) -> bool {
         let largest = self.window * self.window * usize::from(self.bank.top);
-        largest < 1 << centroid::SHORT_SUM_BITS
+        largest < 1 << bits
     }
 
     /// Back to no subapertures.
@@ -288,6 +298,12 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.slots.sort_unstable_by_key(|slot| (slot.y0, slot.x0));
         self.find_order();
         Ok(())
+    }
+
+    /// Due behind a change of thresholds.
+    pub(crate) fn find_low_thresholds(&mut self) {
+        let room = u16::MAX - self.bank.top;
+        self.low_thresholds = self.base_thresholds.iter().all(|&base| base <= room);
     }
 
     /// Due behind a change of slots.

@@ -88,7 +88,7 @@ const HISTORY: usize = MAX_DELAY + 1;
 /// Largest magnitude of x, ulp: a slope within 2^23, and what the mirror showed less a global tilt.
 const OPEN_LOOP_LIMIT: i32 = 3 << 23;
 /// Bits by which x is shifted up in [`Control::open_loop`].
-const GUARD_BITS: u32 = 3;
+pub(crate) const GUARD_BITS: u32 = 3;
 /// What a measured subaperture's 8 x has in its low bits.
 const MEASURED: i32 = 1;
 /// Those bits, of one node or of a sum over four.
@@ -371,9 +371,22 @@ impl<const M: usize> Taking<'_, M> {
             sum_y = sum_y.wrapping_add(y);
             count += valid as u32;
         }
-        let sums = self.sums.iter_mut().zip([sum_x, sum_y]);
+        self.add([sum_x, sum_y], count);
+    }
+
+    /// Adds the sums of x, and how many they are.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, sums: [i32; 2], count: u32) {
+        let sums = self.sums.iter_mut().zip(sums);
         sums.for_each(|(sum, x)| *sum = sum.wrapping_add(x.into()));
         *self.valid = self.valid.wrapping_add(count);
+    }
+
+    /// 8 x of all nodes, to write.
+    #[cfg(target_arch = "riscv32")]
+    #[inline(always)]
+    pub(crate) fn open_loop(&mut self) -> &mut RedBlack<[i32; 2], M> {
+        self.open_loop
     }
 
     /// Lets a subaperture that this sub-cycle does not light keep its x, and counts it for the mean.

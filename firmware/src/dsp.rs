@@ -10,9 +10,11 @@
 //! | `rv32` | RISC-V of 32 bits, ordinary instructions, 12 bits | 2 |
 //! | `rv32_wide` | the same, up to 16 bits | 1 |
 //!
-//! and for RISC-V and the Cortex-M7 what is done to all nodes: `law`, the integrator, `edges`, the right-hand
-//! side, `relax`, a relaxation step of the pistons, and `totals`; for the Cortex-M7 alone `reach`, what segments
-//! of a free mirror show. The suite, whose digests are the same on host and boards, is the test of these.
+//! For RISC-V alone there are `squares`, whole windows of 8 x 8 pixels of 12 bits, and `spots`, what becomes of
+//! windows from their moments to their slopes; for RISC-V and the Cortex-M7 what is done to all nodes: `law`, the
+//! integrator, `edges`, the right-hand side, `relax`, a relaxation step of the pistons, and `totals`; for the
+//! Cortex-M7 alone `reach`, what segments of a free mirror show. The suite, whose digests are the same on host and
+//! boards, is the test of these.
 
 #[cfg(any(target_arch = "riscv32", armv7em, test))]
 use crate::centroid::{RowSums, WholeWindows};
@@ -39,6 +41,12 @@ pub(crate) mod reach;
 
 #[cfg(any(target_arch = "riscv32", armv7em, test))]
 pub(crate) mod relax;
+
+#[cfg(target_arch = "riscv32")]
+pub(crate) mod spots;
+
+#[cfg(target_arch = "riscv32")]
+pub(crate) mod squares;
 
 #[cfg(any(target_arch = "riscv32", armv7em))]
 pub(crate) mod totals;

@@ -22,11 +22,13 @@
 use crate::centroid::Measurement;
 use crate::config::Config;
 use crate::control::Control;
+#[cfg(target_arch = "riscv32")]
+use crate::dsp::spots::Subapertures;
 use crate::fixed::{self, TILT_LIMIT};
 use crate::mirror::{Limits, Mirror};
 use crate::modal::{Modal, Pair};
 pub use crate::probe::{Probe, Stage};
-use crate::readout::{self, Readout, Sink};
+use crate::readout::{Readout, Sink};
 use crate::redblack::RedBlack;
 pub use crate::report::{GlobalTilt, Hold, Outcome, Progress, Report, RowError, Totals};
 use crate::schedule::Schedule;
@@ -181,7 +183,7 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         self.phase = Phase::Reading;
         self.readout.begin();
         self.control.begin();
-        if K > 0 {
+        if config.modal.is_on() {
             self.modal.begin();
         }
         self.saturated_pixels = 0;
@@ -699,7 +701,7 @@ struct Windows<'a, const M: usize, const P: usize, const B: usize, const K: usiz
     saturated_pixels: &'a mut u32,
 }
 
-impl<const M: usize, const P: usize, const B: usize, const K: usize> Sink
+impl<const M: usize, const P: usize, const B: usize, const K: usize> Sink<M>
     for Windows<'_, M, P, B, K>
 {
     /// Slopes and pseudo-open-loop slopes of windows: subapertures', or their ones of the second gate.
@@ -712,6 +714,26 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Sink
         if self.config.modal.is_on() {
             self.take_second(windows, measurements);
         }
+    }
+
+    #[cfg(target_arch = "riscv32")]
+    #[inline(always)]
+    fn subapertures(&mut self, [first, next]: [usize; 2]) -> Option<Subapertures<'_, M>> {
+        let Self { config, slopes, control, saturated_pixels, .. } = self;
+        let ordinary = Special::new(&config.schedule, self.colour, self.lacking_q16).is_none();
+        if !ordinary || config.modal.is_on() || config.slope_scale.left != 0 {
+            return None;
+        }
+        let (applied, taking) = control.taking(&config.control)?;
+        Some(Subapertures {
+            calibration: config.slopes.get(first..next)?,
+            applied: applied.get(first..next)?,
+            nodes: config.nodes.get(first..next)?,
+            slopes: slopes.get_mut(first..next)?,
+            taking,
+            scale: config.slope_scale,
+            saturated_pixels,
+        })
     }
 }
 
@@ -732,41 +754,23 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Windows<'_,
             *place = slope;
             slope
         };
-        if readout::in_steps(config) {
-            // Windows of the second gate have no node.
-            let all = first..next.min(nodes.len());
-            let (Some(nodes), Some(calibration), Some(applied), Some(measurements), Some(places)) = (
-                nodes.get(all.clone()),
-                calibration.get(all.clone()),
-                applied.get(all.clone()),
-                measurements.get(all.clone()),
-                slopes.get_mut(all),
-            ) else {
-                return;
-            };
-            let inputs = measurements.iter().zip(places).zip(calibration).zip(applied).zip(nodes);
-            control.take(inputs.map(|((((measurement, place), calibration), &applied), node)| {
-                (node.place, slope(calibration, measurement, place), applied)
-            }));
-        } else {
-            // As many of everything, so that one comparison finds a subaperture in all.
-            let count = nodes.len();
-            let (Some(measurements), Some(places), Some(calibration), Some(applied)) = (
-                measurements.get(..count),
-                slopes.get_mut(..count),
-                calibration.get(..count),
-                applied.get(..count),
-            ) else {
-                return;
-            };
-            let slots = config.slots.get(first..next).unwrap_or_default();
-            control.take(slots.iter().filter_map(|slot| {
-                let i = usize::from(slot.subaperture);
-                let (measurement, place) = (measurements.get(i)?, places.get_mut(i)?);
-                let slope = slope(calibration.get(i)?, measurement, place);
-                Some((nodes.get(i)?.place, slope, *applied.get(i)?))
-            }));
-        }
+        // As many of everything, so that one comparison finds a subaperture in all.
+        let count = nodes.len();
+        let (Some(measurements), Some(places), Some(calibration), Some(applied)) = (
+            measurements.get(..count),
+            slopes.get_mut(..count),
+            calibration.get(..count),
+            applied.get(..count),
+        ) else {
+            return;
+        };
+        let slots = config.slots.get(first..next).unwrap_or_default();
+        control.take(slots.iter().filter_map(|slot| {
+            let i = usize::from(slot.subaperture);
+            let (measurement, place) = (measurements.get(i)?, places.get_mut(i)?);
+            let slope = slope(calibration.get(i)?, measurement, place);
+            Some((nodes.get(i)?.place, slope, *applied.get(i)?))
+        }));
         **saturated_pixels += saturated;
     }
 

@@ -15,14 +15,24 @@ use crate::dsp::armv7em::Pairs;
 #[cfg(any(target_arch = "riscv32", armv7em))]
 use crate::dsp::{Block, Whole};
 #[cfg(target_arch = "riscv32")]
-use crate::dsp::{rv32::Narrow, rv32_wide::Wide};
+use crate::dsp::{
+    rv32::Narrow,
+    rv32_wide::Wide,
+    spots::{self, Spots, Subapertures},
+    squares::{self, Squares},
+};
 use crate::pixels::{self, Convention, Cut, Noted, Seen, WATCHED};
 
 /// What takes measurements when their windows have ended.
-pub(crate) trait Sink {
+pub(crate) trait Sink<const M: usize> {
     /// Takes those of windows `first` to `next`, up to [`BATCH`], which are among `measurements` by
     /// subaperture.
     fn take(&mut self, windows: [usize; 2], measurements: &[Measurement]);
+
+    /// What there is of the subapertures of as many windows in their order, of a frame that is as every other;
+    /// `None` where they are to be taken as any.
+    #[cfg(target_arch = "riscv32")]
+    fn subapertures(&mut self, windows: [usize; 2]) -> Option<Subapertures<'_, M>>;
 }
 
 /// Measurements of which a [`Sink`] may keep sums in one word.
@@ -30,18 +40,18 @@ pub(crate) const BATCH: usize = 64;
 
 /// What is kept of a window between its rows.
 #[derive(Clone, Copy, Debug)]
-struct Window {
-    moments: Moments,
-    seen: Seen,
+pub(crate) struct Window {
+    pub(crate) moments: Moments,
+    pub(crate) seen: Seen,
 }
 
 /// What a frame leaves of a window for the next one.
 #[derive(Clone, Copy, Debug)]
-struct Tracking {
+pub(crate) struct Tracking {
     /// Moving threshold beyond the fixed one, signal units.
-    excess: u16,
+    pub(crate) excess: u16,
     /// First of the rows in which the peak is looked for.
-    watched: u8,
+    pub(crate) watched: u8,
 }
 
 impl Window {
@@ -130,15 +140,6 @@ impl Tracking {
             watched: self.watched.wrapping_add(step),
         }
     }
-}
-
-/// Whether windows may be gone through in step with their subapertures: they are in the same order, and the
-/// machine adds up addresses by itself if they are not.
-#[inline(always)]
-pub(crate) const fn in_steps<const M: usize, const P: usize, const B: usize, const K: usize>(
-    config: &Config<M, P, B, K>,
-) -> bool {
-    cfg!(target_arch = "riscv32") && config.in_order
 }
 
 /// All ones unless `x`, below 2^31, is zero. Without a comparison, which would become a branch: the time
@@ -252,7 +253,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         config: &Config<M, P, B, K>,
         pixels: &[u16],
         rows: u16,
-        sink: &mut impl Sink,
+        sink: &mut impl Sink<M>,
     ) {
         // The common sizes get loops of known length; the results are the same.
         let only_floors = config.bank.only_floors()
@@ -332,6 +333,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             #[cfg(target_arch = "riscv32")]
             let left = match Block::new(pixels, width) {
                 None => first,
+                Some(block) if W == 8 && Narrow::takes::<N>(&cut) => {
+                    self.take_squares(config, met, block, cut)
+                }
                 Some(block) if Narrow::takes::<N>(&cut) => {
                     self.take::<W, N, P, K>(config, met, &Whole { block, cut, kernel: Narrow })
                 }
@@ -352,6 +356,31 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             }
             first = left + 1;
         }
+    }
+
+    /// [`Readout::take`] of windows of 8 x 8 pixels of 12 bits.
+    ///
+    /// Not inlined: it needs all registers.
+    #[cfg(target_arch = "riscv32")]
+    #[inline(never)]
+    fn take_squares<const P: usize, const K: usize>(
+        &mut self,
+        config: &Config<M, P, B, K>,
+        [first, next]: [usize; 2],
+        block: Block<'_>,
+        cut: Cut,
+    ) -> usize {
+        let (Some(slots), Some(tracking), Some(windows)) = (
+            config.slots.get(first..next),
+            self.tracking.get(self.complete).and_then(|done| done.get(first..next)),
+            self.windows.get_mut(first..next),
+        ) else {
+            return first;
+        };
+        let floors = config.bank.floors_of(first, next, 8 * 8);
+        let taken =
+            squares::take(block, self.row, cut, Squares { slots, tracking, floors, windows });
+        first.wrapping_add(taken)
     }
 
     /// Takes windows from the first on, and returns the first that could not be taken.
@@ -529,7 +558,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         config: &Config<M, P, B, K>,
         rows: u16,
         whole: bool,
-        sink: &mut impl Sink,
+        sink: &mut impl Sink<M>,
     ) {
         self.row = self.row.wrapping_add(rows);
         let [start, next] = self.active;
@@ -544,6 +573,14 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         let mut start = start;
         while start < end {
             let some = [start, end.min(start.wrapping_add(BATCH))];
+            #[cfg(target_arch = "riscv32")]
+            if match config.short_sums {
+                true => self.take_spots::<true, P, K>(config, some, sink),
+                false => self.take_spots::<false, P, K>(config, some, sink),
+            } {
+                [_, start] = some;
+                continue;
+            }
             match config.estimator {
                 EstimatorConfig::Weighted { gain, .. } => {
                     self.measure::<true, false, P, K>(config, some, gain);
@@ -556,6 +593,59 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                 sink.take(some, new);
             }
         }
+    }
+
+    /// Measures windows and hands them over at once, if they are such as the kernel takes; `SHORT` as of
+    /// [`Moments::centroid_q16`].
+    ///
+    /// Not inlined: it needs all registers.
+    #[cfg(target_arch = "riscv32")]
+    #[inline(never)]
+    fn take_spots<const SHORT: bool, const P: usize, const K: usize>(
+        &mut self,
+        config: &Config<M, P, B, K>,
+        [first, next]: [usize; 2],
+        sink: &mut impl Sink<M>,
+    ) -> bool {
+        let EstimatorConfig::CentreOfGravity { peak_fraction } = config.estimator else {
+            return false;
+        };
+        let convention = config.bank.convention;
+        if !config.in_order
+            || (SHORT && !config.low_thresholds)
+            || convention != Convention::Subtract
+            || !config.sums_have(spots::SUM_BITS)
+        {
+            return false;
+        }
+        let pair = [self.complete, 1 - self.complete];
+        let (Ok([done, new]), Some(measurements), Some(subapertures)) = (
+            self.tracking.get_disjoint_mut(pair),
+            self.measurements.get_mut(1 - self.complete),
+            sink.subapertures([first, next]),
+        ) else {
+            return false;
+        };
+        let (Some(windows), Some(tracking), Some(new), Some(base_thresholds), Some(measurements)) = (
+            self.windows.get(first..next),
+            done.get(first..next),
+            new.get_mut(first..next),
+            config.base_thresholds.get(first..next),
+            measurements.get_mut(first..next),
+        ) else {
+            return false;
+        };
+        let spots = Spots {
+            windows,
+            tracking,
+            next: new,
+            base_thresholds,
+            measurements,
+            size: config.window,
+            peak_fraction,
+        };
+        spots::take::<M, SHORT>(spots, subapertures);
+        true
     }
 
     /// Measures windows from their moments, or from their weighted ones, of which `gain` undoes the weight;
@@ -591,15 +681,6 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                 };
                 measurement
             };
-        if in_steps(config) {
-            // Windows as their subapertures.
-            let places = measurements.get_mut(start..end).unwrap_or_default().iter_mut();
-            let places = places.zip(bases.get(start..end).unwrap_or_default());
-            for (k, (window, (place, &base))) in (start..).zip(windows.zip(places)) {
-                *place = measure(k, window, base);
-            }
-            return;
-        }
         // As many of both, so that one comparison finds a subaperture in them.
         let Some(measurements) = measurements.get_mut(..bases.len()) else { return };
         let slots = config.slots.get(start..end).unwrap_or_default();
@@ -618,7 +699,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         &mut self,
         config: &Config<M, P, B, K>,
         measurements: &[Measurement],
-        sink: &mut impl Sink,
+        sink: &mut impl Sink<M>,
     ) {
         let (Some(new), Ok([done, next])) = (
             self.measurements.get_mut(1 - self.complete),

@@ -63,7 +63,7 @@ pub(crate) struct SlopeScale {
 /// Bits that an upper half of a product drops: 32 less what both factors are shifted up by.
 const DROPPED: u32 = 9;
 /// Bits that a centroid's difference has free above it.
-const HEADROOM: u32 = 7;
+pub(crate) const HEADROOM: u32 = 7;
 
 impl SlopeScale {
     /// For gains of mantissa times 2^exponent ulp a pixel, 0 to 15.

@@ -9,8 +9,8 @@
 //! s = d where its top bit is set, less that bit, else 0
 //! ```
 //!
-//! Whole windows of 8 x 8 and 16 x 16 pixels have kernels of their own, which take rows together: work
-//! on a single row is work that is not pixels.
+//! Whole windows have kernels of their own, which take rows together: work on a single row is work that is not
+//! pixels. That of 16 x 16 is here, that of 8 x 8 in `squares`.
 
 use super::{Kernel, Rows, put_word, word};
 use crate::centroid::RowSums;
@@ -20,9 +20,9 @@ use crate::pixels::{Cut, Seen};
 const TOP: u16 = (1 << 12) - 1;
 
 /// The top bits of both lanes.
-const SIGNS: u32 = 0x8000_8000;
+pub(super) const SIGNS: u32 = 0x8000_8000;
 /// One in both lanes.
-const ONES: u32 = 0x0001_0001;
+pub(super) const ONES: u32 = 0x0001_0001;
 
 /// `x` in both lanes.
 #[inline(always)]
@@ -48,11 +48,11 @@ struct Sums {
 
 /// What a kernel takes off pixels and looks for in them.
 #[derive(Clone, Copy)]
-struct Levels {
+pub(super) struct Levels {
     /// Takes a pixel to its lane's top bit: `SIGNS` less the excess.
-    open: u32,
+    pub(super) open: u32,
     /// Takes a saturated pixel to its lane's top bit.
-    white: u32,
+    pub(super) white: u32,
 }
 
 /// What was found in each lane of the watched rows.
@@ -313,93 +313,6 @@ mod row {
         Watch { peak, saturated }
     }
 
-    /// The words of four rows at one place of theirs: what `odd` rows and second `pair`s of rows have, to
-    /// those sums; then what is done with `a`, of the second pair, and `f`, of the first.
-    macro_rules! four {
-        ($done:expr; $x:literal: $f0:literal $f1:literal $f2:literal $f3:literal) => {
-            concat!(
-                signals!("{a}" "{b}": concat!($x, "({raw})"),
-                    concat!($f0, "({floor})"),
-                    concat!($x, "({raw1})"),
-                    concat!($f1, "({floor})")
-                ),
-                "add {odd}, {odd}, {b}\n add {f}, {a}, {b}\n",
-                signals!("{a}" "{b}": concat!($x, "({raw2})"),
-                    concat!($f2, "({floor})"),
-                    concat!($x, "({raw3})"),
-                    concat!($f3, "({floor})")
-                ),
-                "add {odd}, {odd}, {b}\n add {a}, {a}, {b}\n add {pair}, {pair}, {a}\n",
-                $done,
-            )
-        };
-    }
-
-    /// The first rows of a column begin its sum.
-    macro_rules! upper {
-        ($column:literal) => {
-            concat!("add {", $column, "}, {f}, {a}\n")
-        };
-    }
-
-    /// The last ones, to their `half`'s sum as well.
-    macro_rules! lower {
-        ($column:literal) => {
-            concat!(
-                "add {f}, {f}, {a}\n add {half}, {half}, {f}\n",
-                "add {",
-                $column,
-                "}, {",
-                $column,
-                "}, {f}\n",
-            )
-        };
-    }
-
-    /// The sums of 8 x 8 pixels. The sum of place times row comes from the bits of places: `odd` rows,
-    /// odd `pair`s of them and the lower `half`, 16 pixels of 12 bits in a lane each, with no work on
-    /// single rows.
-    #[inline(always)]
-    fn square(raw: &[u32], stride: usize, floor: &[[u32; 4]; 8], open: u32) -> Sums {
-        let (sum, running, second, words): (u32, u32, u32, u32);
-        // SAFETY: as of `sums`; of `raw` it reads 4 words in each of 8 rows, those that have these floors.
-        #[allow(unsafe_code)]
-        unsafe {
-            asm!("add {raw1}, {raw}, {stride}", "add {raw2}, {raw1}, {stride}",
-                "add {raw3}, {raw2}, {stride}", "slli {stride}, {stride}, 2",
-                "li {odd}, 0", "li {pair}, 0", "li {half}, 0",
-                four!(upper!("k0"); "0": "0" "16" "32" "48"),
-                four!(upper!("k1"); "4": "4" "20" "36" "52"),
-                four!(upper!("k2"); "8": "8" "24" "40" "56"),
-                four!(upper!("k3"); "12": "12" "28" "44" "60"),
-                "add {raw}, {raw}, {stride}", "add {raw1}, {raw1}, {stride}",
-                "add {raw2}, {raw2}, {stride}", "add {raw3}, {raw3}, {stride}",
-                four!(lower!("k0"); "0": "64" "80" "96" "112"),
-                four!(lower!("k1"); "4": "68" "84" "100" "116"),
-                four!(lower!("k2"); "8": "72" "88" "104" "120"),
-                four!(lower!("k3"); "12": "76" "92" "108" "124"),
-                // Place times row, of second pixels in `b` and packed in `half`.
-                "srli {e}, {odd}, 16", "srli {f}, {pair}, 16", "srli {b}, {half}, 16",
-                "slli {b}, {b}, 1", "add {b}, {b}, {f}", "slli {b}, {b}, 1", "add {b}, {b}, {e}",
-                "slli {half}, {half}, 1", "add {half}, {half}, {pair}",
-                "slli {half}, {half}, 1", "add {half}, {half}, {odd}",
-                "slli {e}, {b}, 16", "sub {half}, {half}, {e}", "add {half}, {half}, {b}",
-                last!("k3"), before!("k2" "k1"), first!("k0"),
-                // All of them; of row y, 8 - y times itself is in the sums up to each row.
-                "add {c}, {c}, {k0}", "slli {e}, {a}, 16", "sub {c}, {c}, {e}", "add {c}, {c}, {a}",
-                "slli {e}, {c}, 3", "sub {half}, {e}, {half}",
-                raw = inout(reg) raw.as_ptr() => _, stride = inout(reg) stride.wrapping_mul(4) => _,
-                floor = in(reg) floor.as_ptr(), open = in(reg) open, signs = in(reg) SIGNS,
-                raw1 = out(reg) _, raw2 = out(reg) _, raw3 = out(reg) _,
-                k0 = out(reg) _, k1 = out(reg) _, k2 = out(reg) _, k3 = out(reg) _,
-                odd = out(reg) _, pair = out(reg) _, half = out(reg) running,
-                a = out(reg) second, b = out(reg) _, c = out(reg) sum, d = out(reg) words,
-                e = out(reg) _, f = out(reg) _,
-                options(pure, readonly, nostack));
-        }
-        Sums { sum, words, second, running }
-    }
-
     /// Two words, added to their column's sum, or its first ones.
     macro_rules! pair {
         (first $column:literal $a:literal $b:literal) => {
@@ -474,11 +387,6 @@ mod row {
     pub(super) fn square_sums<const N: usize>(rows: Rows<'_, N>, levels: Levels) -> Sums {
         let Rows { raw, stride, floor } = rows;
         let floors = floor.as_flattened();
-        if N == 4
-            && let ([floor], []) = floors.as_chunks().0.as_chunks()
-        {
-            return square(raw, stride, floor, levels.open);
-        }
         if N == 8
             && let ([floor], []) = floors.as_chunks().0.as_chunks()
         {
@@ -549,7 +457,7 @@ impl Narrow {
 
 impl Levels {
     #[inline(always)]
-    fn new(cut: Cut) -> Self {
+    pub(super) fn new(cut: Cut) -> Self {
         let below = |level: u16| SIGNS.wrapping_sub(both(level));
         Self { open: below(cut.excess), white: below(cut.saturation) }
     }

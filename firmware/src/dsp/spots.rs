@@ -1,0 +1,140 @@
+//! What becomes of windows whose rows are in, in RISC-V's own instructions: measurement, what the next frame does
+//! with the window, slope and pseudo-open-loop slope of one after the other.
+//!
+//! [`crate::readout`], [`crate::slopes`] and [`crate::control`] say what these are. Here nothing is stored and read
+//! again in between, and there is one loop in place of two. Of a reciprocal a division makes 32 bits, all ones in
+//! place of 2^32; what it leaves of that makes 11 more for sums of 20 bits, or twice 8 for sums of 24: quotients of
+//! numbers below 2^32 by an inverse of 32 bits, which lacks less than one, lack one at most.
+
+use crate::centroid::{Measurement, SHORT_SUM_BITS};
+use crate::control::{GUARD_BITS, Taking};
+use crate::fixed::{CENTROID_BITS, TILT_LIMIT};
+use crate::pixels::{Seen, WATCHED};
+use crate::readout::{Tracking, Window};
+use crate::slopes::{HEADROOM, Slope, SlopeCalibration, SlopeScale};
+use crate::sor::Node;
+use core::arch::asm;
+use core::mem::offset_of;
+
+/// What there is of each window.
+pub(crate) struct Spots<'a> {
+    pub(crate) windows: &'a [Window],
+    pub(crate) tracking: &'a [Tracking],
+    pub(crate) next: &'a mut [Tracking],
+    pub(crate) base_thresholds: &'a [u16],
+    pub(crate) measurements: &'a mut [Measurement],
+    /// Pixels on a side.
+    pub(crate) size: usize,
+    /// Of the last peak, Q16.
+    pub(crate) peak_fraction: u16,
+}
+
+/// What there is of each one's subaperture.
+pub(crate) struct Subapertures<'a, const M: usize> {
+    pub(crate) calibration: &'a [SlopeCalibration],
+    pub(crate) applied: &'a [[i32; 2]],
+    pub(crate) nodes: &'a [Node],
+    pub(crate) slopes: &'a mut [Slope],
+    pub(crate) taking: Taking<'a, M>,
+    pub(crate) scale: SlopeScale,
+    pub(crate) saturated_pixels: &'a mut u32,
+}
+
+const _: () = assert!(
+    WATCHED == 1
+        && offset_of!(Measurement, centroid_q16) == 0
+        && offset_of!(Node, place) == 0
+        && TILT_LIMIT.trailing_zeros() >= 12
+        && SHORT_SUM_BITS <= 32 - 11
+);
+
+/// Windows a turn.
+const TURN: usize = 4;
+
+/// Bits of the largest sum.
+pub(crate) const SUM_BITS: u32 = 24;
+
+/// Takes up to 64 windows of signals above floors, with sums of [`SUM_BITS`] and gains without a shift to the left;
+/// if `SHORT`, with sums of [`SHORT_SUM_BITS`] and low thresholds.
+#[allow(unsafe_code)]
+#[inline(always)]
+pub(crate) fn take<const M: usize, const SHORT: bool>(
+    spots: Spots<'_>,
+    subapertures: Subapertures<'_, M>,
+) {
+    let Spots { windows, tracking, next, base_thresholds, measurements, size, peak_fraction } =
+        spots;
+    let Subapertures { calibration, applied, nodes, slopes, mut taking, scale, saturated_pixels } =
+        subapertures;
+    let lengths = [
+        tracking.len(),
+        next.len(),
+        base_thresholds.len(),
+        measurements.len(),
+        calibration.len(),
+        applied.len(),
+        nodes.len(),
+        slopes.len(),
+    ];
+    let count = lengths.into_iter().fold(windows.len(), usize::min);
+    if count == 0 {
+        return;
+    }
+    let back = count.wrapping_neg() % TURN;
+    let from = windows.as_ptr().wrapping_sub(back);
+    let shared = [
+        from.wrapping_add(count + back).addr() as u32,
+        u16::MAX.into(),
+        peak_fraction.into(),
+        // The window's middle, and the half that rounds a row.
+        (size as u32) << (CENTROID_BITS - 1),
+        scale.raise as u32,
+        scale.right,
+        2 * M as u32,
+    ];
+    let (mut sum_x, mut sum_y, mut valid, mut saturated) = (0i32, 0i32, 0u32, 0u32);
+    let open_loop = taking.open_loop().halves_mut().as_flattened_mut().as_mut_ptr();
+    // SAFETY: the instructions go through `count` of each slice, which are as long at least, a turn at once, the
+    // first time behind `back` that are none; they write elements of those that are lent to be written, and of
+    // `open_loop` at places that they compare with how many there are, read the others and `shared`, and write
+    // registers that are given here.
+    unsafe {
+        asm!(include_str!("spots_rv32.s"),
+            short = const SHORT as u32, window = const size_of::<Window>(),
+            sum = const offset_of!(Window, moments.sum), mx = const offset_of!(Window, moments.x),
+            my = const offset_of!(Window, moments.y),
+            peak = const offset_of!(Window, seen) + offset_of!(Seen, peak),
+            white = const offset_of!(Window, seen) + offset_of!(Seen, saturated),
+            tracking = const size_of::<Tracking>(),
+            excess = const offset_of!(Tracking, excess), watched = const offset_of!(Tracking, watched),
+            measurement = const size_of::<Measurement>(),
+            flux = const offset_of!(Measurement, flux), highest = const offset_of!(Measurement, peak),
+            saturated = const offset_of!(Measurement, saturated),
+            calibration = const size_of::<SlopeCalibration>(),
+            reference = const offset_of!(SlopeCalibration, reference_q16),
+            gain = const offset_of!(SlopeCalibration, gain),
+            flux_min = const offset_of!(SlopeCalibration, flux_min),
+            flux_max = const offset_of!(SlopeCalibration, flux_max),
+            node = const size_of::<Node>(), slope = const size_of::<Slope>(),
+            tilt = const offset_of!(Slope, tilt_ulp), valid = const offset_of!(Slope, valid),
+            headroom = const HEADROOM, guard = const GUARD_BITS,
+            room = const 2 * TILT_LIMIT, limit = const TILT_LIMIT,
+            from = inout(reg) from => _, at = inout(reg) measurements.as_mut_ptr().wrapping_sub(back) => _,
+            done = inout(reg) tracking.as_ptr().wrapping_sub(back) => _,
+            next = inout(reg) next.as_mut_ptr().wrapping_sub(back) => _,
+            base = inout(reg) base_thresholds.as_ptr().wrapping_sub(back) => _,
+            cal = inout(reg) calibration.as_ptr().wrapping_sub(back) => _,
+            applied = inout(reg) applied.as_ptr().wrapping_sub(back) => _,
+            nodes = inout(reg) nodes.as_ptr().wrapping_sub(back) => _,
+            to = inout(reg) slopes.as_mut_ptr().wrapping_sub(back) => _,
+            shared = in(reg) shared.as_ptr(), open_loop = in(reg) open_loop, upper = in(reg) 0xffff_0000u32,
+            sum_x = inout(reg) sum_x, sum_y = inout(reg) sum_y,
+            count = inout(reg) valid, saturated_sum = inout(reg) saturated,
+            t = inout(reg) back => _, d = out(reg) _, x = out(reg) _, y = out(reg) _, s = out(reg) _,
+            u = out(reg) _, q = out(reg) _, p = out(reg) _, z = out(reg) _,
+            e = inout(reg) if SHORT { -(1 << 11) } else { 0 } => _,
+            options(nostack));
+    }
+    taking.add([sum_x, sum_y], valid);
+    *saturated_pixels = saturated_pixels.wrapping_add(saturated);
+}

@@ -1,0 +1,206 @@
+// The `i`-th spot from where the pointers are. Loads stand apart from what needs them.
+.macro spot i
+    lw {d}, \i * {window} + {sum}({from})
+    lw {x}, \i * {window} + {mx}({from})
+    lw {y}, \i * {window} + {my}({from})
+    seqz {t}, {d}
+    add {u}, {d}, {t}
+    addi {z}, {t}, -1
+    // 2^48 / flux in `q` and `u`, of a short sum in whole steps of 2^5. What a division leaves of 2^32 is at most
+    // the divisor; its quotient makes more bits of that, short by one at most.
+    li {q}, -1
+    divu {q}, {q}, {u}
+    mul {t}, {q}, {u}
+.if {short}
+    mul {t}, {t}, {e}
+    mulhu {s}, {t}, {q}
+    mul {p}, {s}, {u}
+    sub {t}, {t}, {p}
+    sltu {t}, {t}, {u}
+    sub {s}, {s}, {t}
+    addi {s}, {s}, 1
+    slli {s}, {s}, 5
+.else
+    neg {t}, {t}
+    slli {t}, {t}, 8
+    mulhu {s}, {t}, {q}
+    mul {p}, {s}, {u}
+    sub {t}, {t}, {p}
+    sltu {p}, {t}, {u}
+    xori {p}, {p}, 1
+    add {s}, {s}, {p}
+    mul {p}, {p}, {u}
+    sub {t}, {t}, {p}
+    slli {t}, {t}, 8
+    mulhu {e}, {t}, {q}
+    mul {p}, {e}, {u}
+    sub {t}, {t}, {p}
+    sltu {t}, {t}, {u}
+    sub {e}, {e}, {t}
+    addi {e}, {e}, 1
+    slli {s}, {s}, 8
+    add {s}, {s}, {e}
+.endif
+    slli {u}, {q}, 16
+    add {u}, {u}, {s}
+    sltu {s}, {u}, {s}
+    srli {q}, {q}, 16
+    add {q}, {q}, {s}
+    // The centroid.
+    mulhsu {t}, {x}, {u}
+    mul {x}, {x}, {q}
+    mulhsu {s}, {y}, {u}
+    mul {y}, {y}, {q}
+    add {x}, {x}, {t}
+    lhu {t}, \i * {window} + {peak}({from})
+    add {y}, {y}, {s}
+    lhu {s}, \i * {window} + {peak} + 2({from})
+    addi {x}, {x}, 1
+    addi {y}, {y}, 1
+    srai {x}, {x}, 1
+    srai {y}, {y}, 1
+    sw {x}, \i * {measurement}({at})
+    sw {y}, \i * {measurement} + 4({at})
+    sw {d}, \i * {measurement} + {flux}({at})
+    // The peak of both lanes, and what was taken off one.
+    lhu {u}, \i * {window} + {white}({from})
+    lhu {q}, \i * {window} + {white} + 2({from})
+    sub {s}, {t}, {s}
+    srai {p}, {s}, 31
+    and {s}, {s}, {p}
+    lhu {p}, \i * {tracking} + {excess}({done})
+    sub {t}, {t}, {s}
+    snez {s}, {t}
+    mul {s}, {s}, {p}
+    add {u}, {u}, {q}
+    lhu {q}, \i * 2({base})
+    sh {u}, \i * {measurement} + {saturated}({at})
+    add {saturated_sum}, {saturated_sum}, {u}
+    add {t}, {t}, {s}
+    sh {t}, \i * {measurement} + {highest}({at})
+    // What the next moving threshold has beyond the fixed one.
+    lw {p}, 8({shared})
+    add {t}, {t}, {q}
+.if {short} == 0
+    lw {u}, 4({shared})
+    srli {s}, {t}, 16
+    neg {s}, {s}
+    or {t}, {t}, {s}
+    and {t}, {t}, {u}
+.endif
+    mul {t}, {t}, {p}
+    lw {p}, 12({shared})
+    lui {s}, 8
+    add {t}, {t}, {s}
+    srli {t}, {t}, 16
+    sub {t}, {t}, {q}
+    lbu {q}, \i * {tracking} + {watched}({done})
+    sgtz {s}, {t}
+    mul {t}, {t}, {s}
+    sh {t}, \i * {tracking} + {excess}({next})
+    // The row nearest the centroid; without flux the same as before.
+    add {t}, {y}, {p}
+    srai {t}, {t}, 16
+    sub {t}, {t}, {q}
+    and {t}, {t}, {z}
+    add {t}, {t}, {q}
+    sb {t}, \i * {tracking} + {watched}({next})
+    // The slope: products' upper halves, rounded and limited.
+    lw {t}, \i * {calibration} + {reference}({cal})
+    lw {s}, \i * {calibration} + {reference} + 4({cal})
+    lw {u}, \i * {calibration} + {gain}({cal})
+    lw {q}, \i * {calibration} + {gain} + 4({cal})
+    sub {x}, {x}, {t}
+    sub {y}, {y}, {s}
+    slli {x}, {x}, {headroom}
+    slli {y}, {y}, {headroom}
+    slli {t}, {u}, 16
+    mulh {t}, {t}, {x}
+    and {u}, {u}, {upper}
+    mulh {u}, {u}, {y}
+    slli {s}, {q}, 16
+    mulh {s}, {s}, {x}
+    and {q}, {q}, {upper}
+    mulh {q}, {q}, {y}
+    lw {p}, 16({shared})
+    lw {z}, 20({shared})
+    add {t}, {t}, {u}
+    add {s}, {s}, {q}
+    add {t}, {t}, {p}
+    add {s}, {s}, {p}
+    lui {p}, {room} >> 12
+    sra {t}, {t}, {z}
+    sra {s}, {s}, {z}
+    sgtz {x}, {t}
+    sgtz {y}, {s}
+    mul {t}, {t}, {x}
+    mul {s}, {s}, {y}
+    lui {z}, {limit} >> 12
+    sub {t}, {t}, {p}
+    sub {s}, {s}, {p}
+    srai {x}, {t}, 31
+    srai {y}, {s}, 31
+    and {t}, {t}, {x}
+    and {s}, {s}, {y}
+    lw {x}, \i * {calibration} + {flux_min}({cal})
+    lw {y}, \i * {calibration} + {flux_max}({cal})
+    add {t}, {t}, {z}
+    add {s}, {s}, {z}
+    sw {t}, \i * {slope} + {tilt}({to})
+    sw {s}, \i * {slope} + {tilt} + 4({to})
+    // Whether the flux is within its limits.
+    sltu {x}, {d}, {x}
+    sltu {y}, {y}, {d}
+    lw {p}, \i * 8({applied})
+    lw {q}, \i * 8 + 4({applied})
+    or {x}, {x}, {y}
+    xori {x}, {x}, 1
+    lhu {z}, \i * {node}({nodes})
+    lw {u}, 24({shared})
+    sb {x}, \i * {slope} + {valid}({to})
+    add {count}, {count}, {x}
+    // What a flat mirror would have shown, and its place.
+    add {t}, {t}, {p}
+    add {s}, {s}, {q}
+    mul {t}, {t}, {x}
+    mul {s}, {s}, {x}
+    add {sum_x}, {sum_x}, {t}
+    add {sum_y}, {sum_y}, {s}
+    bgeu {z}, {u}, 99f
+    slli {z}, {z}, 3
+    add {z}, {z}, {open_loop}
+    slli {t}, {t}, {guard}
+    or {t}, {t}, {x}
+    slli {s}, {s}, {guard}
+    sw {t}, 0({z})
+    sw {s}, 4({z})
+99:
+.endm
+
+// Four a turn; the first one is entered behind `t` of them. Jumps to words' addresses: into the middle of one takes a
+// cycle more.
+    beqz {t}, 3f
+    addi {t}, {t}, -2
+    bltz {t}, 11f
+    beqz {t}, 12f
+    j 13f
+.p2align 2
+3:  spot 0
+.p2align 2
+11: spot 1
+.p2align 2
+12: spot 2
+.p2align 2
+13: spot 3
+    lw {t}, 0({shared})
+    addi {from}, {from}, 4 * {window}
+    addi {at}, {at}, 4 * {measurement}
+    addi {done}, {done}, 4 * {tracking}
+    addi {next}, {next}, 4 * {tracking}
+    addi {base}, {base}, 8
+    addi {cal}, {cal}, 4 * {calibration}
+    addi {applied}, {applied}, 32
+    addi {nodes}, {nodes}, 4 * {node}
+    addi {to}, {to}, 4 * {slope}
+    bne {from}, {t}, 3b
+.purgem spot

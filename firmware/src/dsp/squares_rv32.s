@@ -1,0 +1,217 @@
+// The signals of a word each of two rows, in `a` and `b`: less floor and excess in their lanes where that leaves
+// the top bit. Loads stand apart from what needs them.
+.macro signals a, b, x, row_a, floor_a, row_b, floor_b
+    lw \a, \x(\row_a)
+    lw {c}, \floor_a + \x({floor})
+    lw \b, \x(\row_b)
+    lw {d}, \floor_b + \x({floor})
+    add \a, \a, {open}
+    add \b, \b, {open}
+    sub \a, \a, {c}
+    sub \b, \b, {d}
+    and {c}, \a, {signs}
+    and {d}, \b, {signs}
+    srli {e}, {c}, 15
+    sub {c}, {c}, {e}
+    and \a, \a, {c}
+    srli {e}, {d}, 15
+    sub {d}, {d}, {e}
+    and \b, \b, {d}
+.endm
+// The words of the upper four rows at one place of theirs, but for the first: what odd rows and the second pair
+// have, to those sums; all begin the column's.
+.macro upper floors, x, column
+    signals {a}, {b}, \x, {raw}, \floors, {raw1}, \floors + 16
+    add {odd}, {odd}, {b}
+    add {f}, {a}, {b}
+    signals {a}, {b}, \x, {raw2}, \floors + 32, {raw3}, \floors + 48
+    add {odd}, {odd}, {b}
+    add {a}, {a}, {b}
+    add {pair}, {pair}, {a}
+    add \column, {f}, {a}
+.endm
+// The same of the lower four, which count as the lower half besides; `f` has it of this column.
+.macro lower floors, x
+    signals {a}, {b}, \x, {raw}, \floors + 64, {raw1}, \floors + 80
+    add {odd}, {odd}, {b}
+    add {f}, {a}, {b}
+    signals {a}, {b}, \x, {raw2}, \floors + 96, {raw3}, \floors + 112
+    add {odd}, {odd}, {b}
+    add {a}, {a}, {b}
+    add {pair}, {pair}, {a}
+.endm
+// Looks at a word of the watched row, before `odd` has the rows' sum its peak, `pair` how many are saturated, `k2`
+// and `k3` what takes a saturated pixel to its lane's top bit and ones. With that bit set, a signal less the peak so
+// far keeps it where it is no less, and less one where it is not zero.
+.macro note word, floor
+    add {e}, \word, {open}
+    add \word, \word, {k2}
+    sub {e}, {e}, \floor
+    sub \floor, {e}, {odd}
+    sub {e}, {e}, {k3}
+    and \word, \word, {e}
+    and {e}, \floor, {signs}
+    and \word, \word, {signs}
+    srli \word, \word, 15
+    add {pair}, {pair}, \word
+    srli \word, {e}, 15
+    sub {e}, {e}, \word
+    and \floor, \floor, {e}
+    add {odd}, {odd}, \floor
+.endm
+
+// The `i`-th window from where the pointers are; `out` is where it goes from one that is not to be taken.
+.macro square i, out
+    // Its first pixel, in bytes from that of the rows.
+    lhu {b}, \i * {slots} + {y0}({slot})
+    lhu {a}, \i * {slots} + {x0}({slot})
+    lw {c}, 0({shared})
+    mul {b}, {b}, {stride}
+    lw {d}, 4({shared})
+    slli {a}, {a}, 1
+    add {a}, {a}, {c}
+    add {a}, {a}, {b}
+    andi {b}, {a}, 2
+    bnez {b}, \out
+    bltu {d}, {a}, \out
+    lw {c}, 8({shared})
+    lhu {open}, \i * {trackings} + {excess}({tracking})
+    lbu {e}, \i * {trackings} + {watched}({tracking})
+    lw {f}, 12({shared})
+    add {raw}, {a}, {c}
+    andi {e}, {e}, 7
+    mul {a}, {e}, {stride}
+    slli {e}, {e}, 4
+    mul {open}, {open}, {f}
+    add {raw2}, {floor}, {e}
+    add {raw1}, {raw}, {a}
+    add {open}, {open}, {signs}
+    // The watched row, at `raw1` with its floors at `raw2`. Nothing was seen before its first word.
+    lw {k2}, 16({shared})
+    lw {k3}, 20({shared})
+    lw {a}, 0({raw1})
+    lw {c}, \i * 128 + 0({raw2})
+    lw {b}, 4({raw1})
+    lw {d}, \i * 128 + 4({raw2})
+    add {e}, {a}, {open}
+    add {a}, {a}, {k2}
+    sub {e}, {e}, {c}
+    sub {c}, {e}, {k3}
+    and {a}, {a}, {c}
+    and {c}, {e}, {signs}
+    and {a}, {a}, {signs}
+    srli {pair}, {a}, 15
+    srli {a}, {c}, 15
+    sub {c}, {c}, {a}
+    and {odd}, {e}, {c}
+    note {b}, {d}
+    lw {a}, 8({raw1})
+    lw {c}, \i * 128 + 8({raw2})
+    lw {b}, 12({raw1})
+    lw {d}, \i * 128 + 12({raw2})
+    note {a}, {c}
+    note {b}, {d}
+    sw {odd}, \i * {windows} + {seen_peak}({window})
+    sw {pair}, \i * {windows} + {seen_saturated}({window})
+    // All rows.
+    add {raw1}, {raw}, {stride}
+    add {raw2}, {raw1}, {stride}
+    add {raw3}, {raw2}, {stride}
+    signals {a}, {odd}, 0, {raw}, \i * 128, {raw1}, \i * 128 + 16
+    add {f}, {a}, {odd}
+    signals {a}, {b}, 0, {raw2}, \i * 128 + 32, {raw3}, \i * 128 + 48
+    add {odd}, {odd}, {b}
+    add {pair}, {a}, {b}
+    add {k0}, {f}, {pair}
+    upper \i * 128, 4, {k1}
+    upper \i * 128, 8, {k2}
+    upper \i * 128, 12, {k3}
+    add {raw}, {raw3}, {stride}
+    add {raw1}, {raw}, {stride}
+    add {raw2}, {raw1}, {stride}
+    add {raw3}, {raw2}, {stride}
+    lower \i * 128, 0
+    add {half}, {f}, {a}
+    add {k0}, {k0}, {half}
+    lower \i * 128, 4
+    add {f}, {f}, {a}
+    add {half}, {half}, {f}
+    add {k1}, {k1}, {f}
+    lower \i * 128, 8
+    add {f}, {f}, {a}
+    add {half}, {half}, {f}
+    add {k2}, {k2}, {f}
+    lower \i * 128, 12
+    add {f}, {f}, {a}
+    add {half}, {half}, {f}
+    add {k3}, {k3}, {f}
+    // Place times row from the bits of places: of second pixels in `b`, packed in `half`, of all in `half`. What is
+    // above 32 bits of the upper halves is lost; `lower` takes the others away as well, and adds them to the lower.
+    srli {e}, {odd}, 16
+    srli {f}, {pair}, 16
+    srli {b}, {half}, 16
+    slli {b}, {b}, 1
+    add {b}, {b}, {f}
+    slli {b}, {b}, 1
+    add {b}, {b}, {e}
+    slli {half}, {half}, 1
+    add {half}, {half}, {pair}
+    slli {half}, {half}, 1
+    add {half}, {half}, {odd}
+    mul {e}, {b}, {lower}
+    add {half}, {half}, {e}
+    // Columns from right to left. Of second pixels, `a` has the sum so far and `b` that of what it was after each,
+    // which adds up to place times column; `c` and `d` have the same of packed ones.
+    srli {a}, {k3}, 16
+    srli {e}, {k2}, 16
+    add {e}, {e}, {a}
+    add {b}, {a}, {e}
+    add {c}, {k3}, {k2}
+    add {d}, {k3}, {c}
+    srli {a}, {k1}, 16
+    add {a}, {a}, {e}
+    add {b}, {b}, {a}
+    add {c}, {c}, {k1}
+    add {d}, {d}, {c}
+    srli {e}, {k0}, 16
+    add {a}, {a}, {e}
+    mul {e}, {b}, {lower}
+    add {d}, {d}, {e}
+    add {c}, {c}, {k0}
+    mul {e}, {a}, {lower}
+    add {c}, {c}, {e}
+    // Half pixels: 4 word + 2 lane - 7, and 2 row - 7.
+    sw {c}, \i * {windows} + {sum}({window})
+    slli {d}, {d}, 1
+    add {d}, {d}, {a}
+    slli {d}, {d}, 1
+    slli {e}, {c}, 3
+    sub {e}, {e}, {c}
+    sub {d}, {d}, {e}
+    slli {half}, {half}, 1
+    sub {half}, {half}, {e}
+    sw {d}, \i * {windows} + {mx}({window})
+    sw {half}, \i * {windows} + {my}({window})
+.endm
+
+// Two a turn; an odd first one enters in the middle. Jumps to words' addresses: into the middle of one takes a
+// cycle more.
+    bnez {a}, 2f
+.p2align 2
+3:  square 0, 9f
+.p2align 2
+2:  square 1, 8f
+    lw {a}, 24({shared})
+    addi {slot}, {slot}, 2 * {slots}
+    addi {tracking}, {tracking}, 2 * {trackings}
+    addi {floor}, {floor}, 256
+    addi {window}, {window}, 2 * {windows}
+    bne {window}, {a}, 3b
+    j 9f
+8:  addi {window}, {window}, {windows}
+9:
+.purgem signals
+.purgem upper
+.purgem lower
+.purgem note
+.purgem square
