@@ -27,6 +27,7 @@ pub enum Law {
 
 /// The line v(h) of one actuator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[repr(C)]
 pub struct Response {
     /// v of the flat mirror.
     pub offset: i32,

@@ -28,6 +28,9 @@ pub(crate) mod rv32;
 #[cfg(any(target_arch = "riscv32", test))]
 pub(crate) mod rv32_wide;
 
+#[cfg(any(target_arch = "riscv32", test))]
+pub(crate) mod codes;
+
 #[cfg(any(target_arch = "riscv32", armv7em))]
 pub(crate) mod edges;
 

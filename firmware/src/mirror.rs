@@ -15,6 +15,8 @@
 
 use crate::actuators::{self, Drive, Law, Response};
 use crate::config::Config;
+#[cfg(target_arch = "riscv32")]
+use crate::dsp;
 #[cfg(armv7em)]
 use crate::dsp::reach::{Subapertures, reach};
 #[cfg(armv7em)]
@@ -320,13 +322,18 @@ impl<const M: usize> Mirror<M> {
         config: &Config<M, P, B, K>,
     ) {
         let Self { heights_ulp, codes, .. } = self;
-        let segments = config.responses.iter().zip(heights_ulp.as_slice()).zip(codes);
         let Drive { law, spare_bits } = config.drive;
+        #[cfg(target_arch = "riscv32")]
+        if (law, spare_bits) == (Law::Quadratic, 0) {
+            return dsp::codes::codes(&config.responses, heights_ulp, codes);
+        }
+        let segments = config.responses.iter().zip(heights_ulp.as_slice()).zip(codes);
         // One loop each: the law is the same for all, and most DACs have 16 bits.
         match (law, spare_bits) {
             (Law::Linear, _) => each(segments, |response, height| {
                 actuators::code(Law::Linear, spare_bits, response, height)
             }),
+            #[cfg(not(target_arch = "riscv32"))]
             (Law::Quadratic, 0) => each(segments, |response, height| {
                 actuators::code(Law::Quadratic, 0, response, height)
             }),
