@@ -11,8 +11,8 @@
 //! | `rv32_wide` | the same, up to 16 bits | 1 |
 //!
 //! and for RISC-V and the Cortex-M7 what is done to all nodes: `law`, the integrator, `edges`, the right-hand
-//! side, `relax`, a relaxation step of the pistons, and `totals`; for the Cortex-M7 alone `reach`, what segments
-//! of a free mirror show. The suite, whose digests are the same on host and boards, is the test of these.
+//! side, `relax`, a relaxation step of the pistons, `totals`, and `reach`, what segments of a free mirror show; for
+//! RISC-V alone `codes`. The suite, whose digests are the same on host and boards, is the test of these.
 
 #[cfg(any(target_arch = "riscv32", armv7em, test))]
 use crate::centroid::{RowSums, WholeWindows};
@@ -37,7 +37,7 @@ pub(crate) mod edges;
 #[cfg(any(target_arch = "riscv32", armv7em))]
 pub(crate) mod law;
 
-#[cfg(armv7em)]
+#[cfg(any(target_arch = "riscv32", armv7em))]
 pub(crate) mod reach;
 
 #[cfg(any(target_arch = "riscv32", armv7em, test))]

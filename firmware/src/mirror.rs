@@ -17,12 +17,12 @@ use crate::actuators::{self, Drive, Law, Response};
 use crate::config::Config;
 #[cfg(target_arch = "riscv32")]
 use crate::dsp;
-#[cfg(armv7em)]
+#[cfg(any(target_arch = "riscv32", armv7em))]
 use crate::dsp::reach::{Subapertures, reach};
-#[cfg(armv7em)]
+#[cfg(any(target_arch = "riscv32", armv7em))]
 use crate::redblack::RedBlack;
 use crate::segments::{self, ACTUATORS, FARTHEST, Move, Position, Segment};
-#[cfg(armv7em)]
+#[cfg(any(target_arch = "riscv32", armv7em))]
 use crate::sor::Unknown;
 use core::fmt;
 use serde::{Deserialize, Serialize};
@@ -178,7 +178,7 @@ impl<const M: usize> Mirror<M> {
     }
 
     /// [`Mirror::pass_freely`] of commands and of pistons less `mean`, which what is shown is recorded of.
-    #[cfg(armv7em)]
+    #[cfg(any(target_arch = "riscv32", armv7em))]
     #[inline(always)]
     pub(crate) fn reach<const P: usize, const B: usize, const K: usize>(
         &mut self,

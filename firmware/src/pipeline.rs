@@ -533,11 +533,11 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         let Self { control, sor, commands, mirror, .. } = self;
         let (newest, applied) = control.recording();
         let step = if self.shows_commands {
-            #[cfg(armv7em)]
+            #[cfg(any(target_arch = "riscv32", armv7em))]
             {
                 mirror.reach(config, sor.unknowns_mut(), newest, applied, mean)
             }
-            #[cfg(not(armv7em))]
+            #[cfg(not(any(target_arch = "riscv32", armv7em)))]
             mirror.pass_freely(
                 config,
                 config.nodes.iter().zip(applied),

@@ -388,7 +388,7 @@ impl<const M: usize> Sor<M> {
     }
 
     /// Pistons and right-hand sides.
-    #[cfg(armv7em)]
+    #[cfg(any(target_arch = "riscv32", armv7em))]
     pub(crate) const fn unknowns_mut(&mut self) -> &mut RedBlack<Unknown, M> {
         &mut self.unknowns
     }
