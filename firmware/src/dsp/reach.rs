@@ -2,6 +2,10 @@
 //!
 //! Compiled, the loop keeps a third of what it needs on the Cortex-M7's stack. Here that is what has the least to
 //! do: five addresses, and what is the same for all.
+//!
+//! A free mirror has a piston for each tip and tilt: what is left above one actuator and below another comes to no
+//! less than nothing (`Segment::can_shrink` has room for rounding). So one of the two is negative at most, and the
+//! piston changes by the sum of what both ask for.
 
 use crate::fixed::PISTON_LIMIT;
 use crate::redblack::RedBlack;

@@ -61,7 +61,7 @@
     lw {y}, \segment + {lowest}({segments})
     lw {u}, \segment + {highest} + 4({segments})
     lw {v}, \segment + {lowest} + 4({segments})
-    // The least above, 0 at most; the least below; the larger of the former and the negative latter.
+    // The least above and the least below, 0 at most: of a free mirror never both (see `reach`).
     room {a}, {x}, {y}
     room {b}, {u}, {v}
     srai {t}, {x}, 31
@@ -73,11 +73,10 @@
     room {c}, {u}, {v}
     smaller {x}, {u}
     smaller {y}, {v}
-    add {y}, {y}, {x}
     srai {t}, {y}, 31
     and {y}, {y}, {t}
-    sub {x}, {x}, {y}
     // The piston gives way.
+    sub {x}, {x}, {y}
     add {p}, {p}, {x}
     add {a}, {a}, {x}
     add {b}, {b}, {x}
