@@ -12,7 +12,7 @@
 //!
 //! and for RISC-V and the Cortex-M7 what is done to all nodes: `law`, the integrator, `edges`, the right-hand
 //! side, `relax`, a relaxation step of the pistons, `totals`, and `reach`, what segments of a free mirror show; for
-//! RISC-V alone `codes`. The suite, whose digests are the same on host and boards, is the test of these.
+//! RISC-V alone `codes`, and `quads`, relaxation of the pupils that it is fastest for. The suite, whose digests are the same on host and boards, is the test of these.
 
 #[cfg(any(target_arch = "riscv32", armv7em, test))]
 use crate::centroid::{RowSums, WholeWindows};
@@ -36,6 +36,9 @@ pub(crate) mod edges;
 
 #[cfg(any(target_arch = "riscv32", armv7em))]
 pub(crate) mod law;
+
+#[cfg(target_arch = "riscv32")]
+pub(crate) mod quads;
 
 #[cfg(any(target_arch = "riscv32", armv7em))]
 pub(crate) mod reach;

@@ -254,7 +254,7 @@ pub(crate) const fn roots(first: u32) -> [u32; ROOT_CELLS] {
     while cell < ROOT_CELLS as u32 {
         table[cell as usize] = if cell < 32 {
             // The same: the root of 8 cell, to nearest, is that of the next three even numbers or one less.
-            ((32 * cell).isqrt() + 1) / 2 << 26
+            (32 * cell).isqrt().div_ceil(2) << 26
         } else {
             let low = root(cell as u64);
             let next = root(cell as u64 + 1);

@@ -521,9 +521,9 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         probe.after(Stage::Control);
 
         self.sor.load(&config.sor, self.control.commands());
-        self.sor.relax(&config.sor, if self.warm { warm_sweeps } else { *cold_sweeps });
+        let sweeps = if self.warm { warm_sweeps } else { *cold_sweeps };
         self.warm = true;
-        let totals = self.sor.totals(&config.sor);
+        let totals = self.sor.relax_and_total(&config.sor, sweeps);
         report.residual_squared = totals.residual_squared;
         let mean = self.sor.common_mean(&config.sor, &config.nodes, &totals);
         probe.after(Stage::Sor);
