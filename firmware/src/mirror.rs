@@ -325,7 +325,12 @@ impl<const M: usize> Mirror<M> {
         let Drive { law, spare_bits } = config.drive;
         #[cfg(target_arch = "riscv32")]
         if (law, spare_bits) == (Law::Quadratic, 0) {
-            return dsp::codes::codes(&config.responses, heights_ulp, codes);
+            return dsp::codes::codes(
+                &config.responses,
+                heights_ulp,
+                codes,
+                config.travel.is_short,
+            );
         }
         let segments = config.responses.iter().zip(heights_ulp.as_slice()).zip(codes);
         // One loop each: the law is the same for all, and most DACs have 16 bits.

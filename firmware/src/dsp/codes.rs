@@ -9,7 +9,6 @@
 //! m = x 2^1, 2^5 or 2^9                   from 2^28 on, but where v < 2^7; there a cell has four v
 //! ```
 
-#[cfg(target_arch = "riscv32")]
 use crate::actuators::Response;
 #[cfg(target_arch = "riscv32")]
 use crate::fixed::{RISE_BITS, ROOTS};
@@ -19,10 +18,10 @@ use crate::segments::ACTUATORS;
 /// Below which v is shifted by 12 bits first.
 const SMALL: u32 = 1 << 19;
 
-/// By how much x is shifted, by its highest byte; and 32, so that half of all shifts is what the root is too
-/// large by in 16 bits of fraction. (A shift has five bits.)
-static SHIFTS: [u8; 256] = {
-    let mut shifts = [32 + 1; 256];
+/// By how much x is shifted, by its nine highest bits, of which the first is never set; and 32, so that half of all
+/// shifts is what the root is too large by in 16 bits of fraction. (A shift has five bits.)
+static SHIFTS: [u8; 512] = {
+    let mut shifts = [32 + 1; 512];
     let mut byte = 1;
     while byte < 16 {
         shifts[byte] = 32 + 5;
@@ -32,11 +31,27 @@ static SHIFTS: [u8; 256] = {
     shifts
 };
 
-/// Makes the codes of all segments that there is one of each for.
+/// Makes the codes of all segments that there is one of each for, whose responses and heights are
+/// [short](Response::is_short) or not.
 #[cfg(target_arch = "riscv32")]
-#[allow(unsafe_code)]
 #[inline(never)]
 pub(crate) fn codes(
+    responses: &[[Response; ACTUATORS]],
+    heights_ulp: &[[i32; ACTUATORS]],
+    codes: &mut [[u16; ACTUATORS]],
+    is_short: bool,
+) {
+    if is_short {
+        make::<true>(responses, heights_ulp, codes);
+    } else {
+        make::<false>(responses, heights_ulp, codes);
+    }
+}
+
+#[cfg(target_arch = "riscv32")]
+#[allow(unsafe_code)]
+#[inline(always)]
+fn make<const IS_SHORT: bool>(
     responses: &[[Response; ACTUATORS]],
     heights_ulp: &[[i32; ACTUATORS]],
     codes: &mut [[u16; ACTUATORS]],
@@ -51,9 +66,10 @@ pub(crate) fn codes(
     let back = 2 - count % 2;
     let to = codes.as_mut_ptr();
     // SAFETY: the instructions read `count` of `responses` and `heights_ulp` and write as many of `codes`, which are
-    // as long at least; they read `SHIFTS` at a byte and `ROOTS` at nine bits, and write registers that are given here.
+    // as long at least; they read `SHIFTS` and `ROOTS` at nine bits, and write registers that are given here.
     unsafe {
         core::arch::asm!(include_str!("codes_rv32.s"),
+            is_short = const IS_SHORT as u32,
             each = inout(reg) responses.as_ptr().wrapping_sub(back) => _,
             heights = inout(reg) heights_ulp.as_ptr().wrapping_sub(back) => _,
             to = inout(reg) to.wrapping_sub(back) => _,
@@ -102,5 +118,26 @@ mod tests {
                 check(((cell << 23) | 0x7f_ffff) >> shift);
             }
         }
+    }
+    #[test]
+    fn a_short_product_is_the_upper_half_of_one() {
+        let mut x = 1u32;
+        let mut next = || {
+            x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            x
+        };
+        let ends = (-(1 << 25), (1 << 25) - 1);
+        for _ in 0..100_000 {
+            let slope = (next() >> 5) as i32;
+            let response = Response { offset: i32::MAX, slope };
+            assert!(response.is_short(ends) && !Response { offset: -1, slope }.is_short(ends));
+            let height = next() as i32 >> 6;
+            let product = i64::from(height << 6) * i64::from((slope as u32) << 5);
+            let rise = response.value(height) - i64::from(response.offset);
+            assert_eq!(product >> 32, rise, "{slope} {height}");
+        }
+        assert!(!Response { offset: i32::MAX, slope: 1 << 27 }.is_short(ends));
+        assert!(!Response { offset: i32::MAX, slope: -1 }.is_short(ends));
+        assert!(!Response { offset: i32::MAX, slope: 1 }.is_short((ends.0, 1 << 25)));
     }
 }

@@ -3,14 +3,22 @@
     lw {h}, 4 * (\i)({heights})
     lw {x}, 8 * (\i) + 4({each})
     lw {v}, 8 * (\i)({each})
+.if {is_short}
+    slli {h}, {h}, 6
+    slli {x}, {x}, 5
+    mulhsu {y}, {h}, {x}
+.else
     mulh {y}, {x}, {h}
     mul {x}, {x}, {h}
     slli {y}, {y}, 11
     srli {x}, {x}, 21
-    add {v}, {v}, {y}
     add {v}, {v}, {x}
+.endif
+    add {v}, {v}, {y}
+.if 1 - {is_short}
     sgtz {x}, {v}
     mul {v}, {v}, {x}
+.endif
     // Twice that, shifted to its top nibble: by 12 bits or not, and by what its highest byte says.
     sltu {h}, {v}, {small}
     mul {h}, {h}, {twelve}
