@@ -73,6 +73,26 @@ pub(crate) fn opaque(x: i32) -> i32 {
     x
 }
 
+/// max(x, 0): on RISC-V a multiplication by a comparison has an instruction less than masks.
+#[inline(always)]
+pub(crate) fn positive(x: i32) -> i32 {
+    #[cfg(target_arch = "riscv32")]
+    {
+        let mut x = x;
+        // SAFETY: it writes two registers that are given here.
+        #[allow(unsafe_code)]
+        unsafe {
+            core::arch::asm!("sgtz {y}, {x}", "mul {x}, {x}, {y}", x = inout(reg) x, y = out(reg) _,
+                options(pure, nomem, nostack, preserves_flags));
+        }
+        x
+    }
+    #[cfg(not(target_arch = "riscv32"))]
+    {
+        x & !(x >> 31)
+    }
+}
+
 /// Pixels as words of two, the first in the lower half, without an odd last one; `None` unless they
 /// start at a word's address.
 #[cfg(any(target_arch = "riscv32", armv7em, test))]

@@ -42,8 +42,8 @@ pub fn saturate(x: i64, limit: i32) -> i32 {
 /// This and what is made of it are written with signs and masks: a comparison would become a branch
 /// on a machine without conditional moves, and its time depend on the data.
 #[inline(always)]
-pub const fn positive(x: i32) -> i32 {
-    x & !(x >> 31)
+pub fn positive(x: i32) -> i32 {
+    crate::dsp::positive(x)
 }
 
 /// min(x, 0): an instruction less than [`positive`] where there is no "and not".
