@@ -27,6 +27,7 @@ pub enum Law {
 
 /// The line v(h) of one actuator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[repr(C)]
 pub struct Response {
     /// v of the flat mirror.
     pub offset: i32,
@@ -35,6 +36,13 @@ pub struct Response {
 }
 
 impl Response {
+    /// Whether between these heights v is never negative, and what they make of it is the upper half of one product of
+    /// two words, the slope's without a sign: slope 2^5 and height 2^6 fit.
+    pub(crate) fn is_short(&self, (lowest, highest): (i32, i32)) -> bool {
+        let fits = lowest >= -(1 << 25) && highest < 1 << 25;
+        fits && (0..1 << 27).contains(&self.slope) && self.value(lowest) >= 0
+    }
+
     /// v at a height within +-2^27 ulp of piston.
     pub(crate) const fn value(&self, height_ulp: i32) -> i64 {
         self.offset as i64 + ((self.slope as i64 * height_ulp as i64) >> SLOPE_BITS)

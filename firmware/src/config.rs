@@ -140,7 +140,13 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             nodes: heapless::Vec::new(),
             sor: SorConfig::EMPTY,
             segments: heapless::Vec::new(),
-            travel: Travel { ratio_bits: 0, slew_ulp: 0, tilts_shrink: false, slews: false },
+            travel: Travel {
+                ratio_bits: 0,
+                slew_ulp: 0,
+                tilts_shrink: false,
+                slews: false,
+                is_short: false,
+            },
             drive: Drive { law: Law::Linear, spare_bits: 0 },
             responses: heapless::Vec::new(),
             timing: GateTiming { delay_ns: 0, width_ns: 0, period_ns: 0, pulses_per_frame: 0 },
@@ -230,7 +236,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.fill_modal(&quantiser, modal, count)?;
         self.schedule.fill(spec);
         self.fill_bank(&quantiser, spec);
-        self.travel = Travel::new(quantiser.ratio_bits, slew_ulp, &self.segments);
+        self.travel = Travel::new(quantiser.ratio_bits, slew_ulp, &self.segments, &self.responses);
         self.short_sums = self.sums_are_short();
         self.find_low_thresholds();
         self.fill_sor(spec.mask.across(), &spec.sor);

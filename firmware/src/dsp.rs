@@ -10,11 +10,11 @@
 //! | `rv32` | RISC-V of 32 bits, ordinary instructions, 12 bits | 2 |
 //! | `rv32_wide` | the same, up to 16 bits | 1 |
 //!
-//! For RISC-V alone there are `squares`, whole windows of 8 x 8 pixels of 12 bits, and `spots`, what becomes of
-//! windows from their moments to their slopes; for RISC-V and the Cortex-M7 what is done to all nodes: `law`, the
-//! integrator, `edges`, the right-hand side, `relax`, a relaxation step of the pistons, and `totals`; for the
-//! Cortex-M7 alone `reach`, what segments of a free mirror show. The suite, whose digests are the same on host and
-//! boards, is the test of these.
+//! For RISC-V and the Cortex-M7 there is what is done to all nodes: `law`, the integrator, `edges`, the right-hand
+//! side, `relax`, a relaxation step of the pistons, `totals`, and `reach`, what segments of a free mirror show. For
+//! RISC-V alone there are `squares`, whole windows of 8 x 8 pixels of 12 bits, `spots`, what becomes of windows from
+//! their moments to their slopes, `quads`, relaxation of the pupils that it is fastest for, and `codes`. The suite,
+//! whose digests are the same on host and boards, is the test of these.
 
 #[cfg(any(target_arch = "riscv32", armv7em, test))]
 use crate::centroid::{RowSums, WholeWindows};
@@ -30,13 +30,19 @@ pub(crate) mod rv32;
 #[cfg(any(target_arch = "riscv32", test))]
 pub(crate) mod rv32_wide;
 
+#[cfg(any(target_arch = "riscv32", test))]
+pub(crate) mod codes;
+
 #[cfg(any(target_arch = "riscv32", armv7em))]
 pub(crate) mod edges;
 
 #[cfg(any(target_arch = "riscv32", armv7em))]
 pub(crate) mod law;
 
-#[cfg(armv7em)]
+#[cfg(target_arch = "riscv32")]
+pub(crate) mod quads;
+
+#[cfg(any(target_arch = "riscv32", armv7em))]
 pub(crate) mod reach;
 
 #[cfg(any(target_arch = "riscv32", armv7em, test))]
@@ -73,6 +79,26 @@ pub(crate) fn opaque(x: i32) -> i32 {
     }
     #[cfg(not(target_arch = "riscv32"))]
     x
+}
+
+/// max(x, 0): on RISC-V a multiplication by a comparison has an instruction less than masks.
+#[inline(always)]
+pub(crate) fn positive(x: i32) -> i32 {
+    #[cfg(target_arch = "riscv32")]
+    {
+        let mut x = x;
+        // SAFETY: it writes two registers that are given here.
+        #[allow(unsafe_code)]
+        unsafe {
+            core::arch::asm!("sgtz {y}, {x}", "mul {x}, {x}, {y}", x = inout(reg) x, y = out(reg) _,
+                options(pure, nomem, nostack, preserves_flags));
+        }
+        x
+    }
+    #[cfg(not(target_arch = "riscv32"))]
+    {
+        x & !(x >> 31)
+    }
 }
 
 /// Pixels as words of two, the first in the lower half, without an odd last one; `None` unless they

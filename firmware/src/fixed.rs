@@ -42,8 +42,8 @@ pub fn saturate(x: i64, limit: i32) -> i32 {
 /// This and what is made of it are written with signs and masks: a comparison would become a branch
 /// on a machine without conditional moves, and its time depend on the data.
 #[inline(always)]
-pub const fn positive(x: i32) -> i32 {
-    x & !(x >> 31)
+pub fn positive(x: i32) -> i32 {
+    crate::dsp::positive(x)
 }
 
 /// min(x, 0): an instruction less than [`positive`] where there is no "and not".
@@ -224,32 +224,44 @@ pub fn ratio_q16(num: u32, den: u32) -> u32 {
 }
 
 /// Cells of the square-root table over 2^32.
-const ROOT_CELLS: usize = 512;
+pub(crate) const ROOT_CELLS: usize = 512;
 /// Bits of an argument below its cell.
-const ROOT_FRACTION: u32 = 23;
+pub(crate) const ROOT_FRACTION: u32 = 23;
 /// Bits of an entry that hold the root's rise over its cell.
-const RISE_BITS: u32 = 12;
+pub(crate) const RISE_BITS: u32 = 12;
 
-/// Roots of the cells' starts in Q16, with their rises in Q4 in place of the lowest bits, for arguments
-/// from 2^28 on.
+/// Lines through the roots of the cells' ends in Q16, modulo 2^32, of an argument in 2^11: what they have at 0,
+/// with their rises over a cell, Q4, in place of the lowest bits. For arguments from 2^28 on.
 ///
-/// A root is stored 7/32 high: what follows from it is low by up to 1/2 for the chord, high by up to
-/// 1/16 for the rise in it, and off by less than 1/8 for the rounding of both. The last cell's rise is
-/// short, so that no result is 65536.
-static ROOTS: [u32; ROOT_CELLS] = roots();
+/// A root is stored 7/32 high: what follows from it is low by up to 1/2 for the chord and 1/16 for the argument's
+/// lowest bits, high by up to 1/16 for the rise in it, and off by less than 1/8 for the rounding of both. The last
+/// cell's rise is short, so that no result is 65536.
+pub(crate) static ROOTS: [u32; ROOT_CELLS] =
+    roots(if cfg!(target_arch = "riscv32") { FIRST_CELL } else { 0 });
 
-const fn roots() -> [u32; ROOT_CELLS] {
+/// The first cell for [`crate::dsp::codes`], which has roots of 0 to 6 in it, each less than two quarters of it
+/// below the next; all others leave it alone but for the root of 0.
+pub(crate) const FIRST_CELL: u32 = (1 << 26) - (1 << 22) - 1;
+
+pub(crate) const fn roots(first: u32) -> [u32; ROOT_CELLS] {
     // 16 sqrt(2^23 cell) + 7/2, rounded.
     const fn root(cell: u64) -> u64 {
         ((cell << (ROOT_FRACTION + 12)).isqrt() + 7 * 2 + 2) >> 2
     }
     let mut table = [0; ROOT_CELLS];
-    let mut cell = 32;
-    while cell < ROOT_CELLS as u64 {
-        let low = root(cell);
-        let next = root(cell + 1);
-        let high = if next > (1 << 20) - 2 { (1 << 20) - 2 } else { next };
-        table[cell as usize] = (low as u32) << RISE_BITS | (high - low) as u32;
+    table[0] = first;
+    let mut cell = 1;
+    while cell < ROOT_CELLS as u32 {
+        table[cell as usize] = if cell < 32 {
+            // The same: the root of 8 cell, to nearest, is that of the next three even numbers or one less.
+            (32 * cell).isqrt().div_ceil(2) << 26
+        } else {
+            let low = root(cell as u64);
+            let next = root(cell as u64 + 1);
+            let high = if next > (1 << 20) - 2 { (1 << 20) - 2 } else { next };
+            let rise = (high - low) as u32;
+            (low as u32).wrapping_sub(rise * cell) << RISE_BITS | rise
+        };
         cell += 1;
     }
     table
@@ -287,8 +299,7 @@ pub fn square_root(v: u32) -> u32 {
     let m = v.wrapping_shl(shift);
     let cell = ROOTS.get((m >> ROOT_FRACTION) as usize % ROOT_CELLS).copied().unwrap_or(0);
     let rise = cell & ((1 << RISE_BITS) - 1);
-    let fraction = m << (32 - ROOT_FRACTION) >> 16;
-    let root_q16 = cell.wrapping_add((rise * fraction) >> 4);
+    let root_q16 = cell.wrapping_add(rise.wrapping_mul(m >> (ROOT_FRACTION - RISE_BITS)));
     // 0 to 65535: r^2 + r fits.
     let r = root_q16 >> (16 + shift / 2);
     // A borrow in place of a comparison, which could become a branch.

@@ -475,7 +475,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             }
         }
         let Travel { ratio_bits, slew_ulp, .. } = self.travel;
-        self.travel = Travel::new(ratio_bits, slew_ulp, &self.segments);
+        self.travel = Travel::new(ratio_bits, slew_ulp, &self.segments, &self.responses);
         let spec = SorSpec {
             omega: Some(self.omega),
             sweeps: Some(self.sor.warm_sweeps),

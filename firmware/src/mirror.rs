@@ -15,12 +15,14 @@
 
 use crate::actuators::{self, Drive, Law, Response};
 use crate::config::Config;
-#[cfg(armv7em)]
+#[cfg(target_arch = "riscv32")]
+use crate::dsp;
+#[cfg(any(target_arch = "riscv32", armv7em))]
 use crate::dsp::reach::{Subapertures, reach};
-#[cfg(armv7em)]
+#[cfg(any(target_arch = "riscv32", armv7em))]
 use crate::redblack::RedBlack;
 use crate::segments::{self, ACTUATORS, FARTHEST, Move, Position, Segment};
-#[cfg(armv7em)]
+#[cfg(any(target_arch = "riscv32", armv7em))]
 use crate::sor::Unknown;
 use core::fmt;
 use serde::{Deserialize, Serialize};
@@ -176,7 +178,7 @@ impl<const M: usize> Mirror<M> {
     }
 
     /// [`Mirror::pass_freely`] of commands and of pistons less `mean`, which what is shown is recorded of.
-    #[cfg(armv7em)]
+    #[cfg(any(target_arch = "riscv32", armv7em))]
     #[inline(always)]
     pub(crate) fn reach<const P: usize, const B: usize, const K: usize>(
         &mut self,
@@ -320,13 +322,23 @@ impl<const M: usize> Mirror<M> {
         config: &Config<M, P, B, K>,
     ) {
         let Self { heights_ulp, codes, .. } = self;
-        let segments = config.responses.iter().zip(heights_ulp.as_slice()).zip(codes);
         let Drive { law, spare_bits } = config.drive;
+        #[cfg(target_arch = "riscv32")]
+        if (law, spare_bits) == (Law::Quadratic, 0) {
+            return dsp::codes::codes(
+                &config.responses,
+                heights_ulp,
+                codes,
+                config.travel.is_short,
+            );
+        }
+        let segments = config.responses.iter().zip(heights_ulp.as_slice()).zip(codes);
         // One loop each: the law is the same for all, and most DACs have 16 bits.
         match (law, spare_bits) {
             (Law::Linear, _) => each(segments, |response, height| {
                 actuators::code(Law::Linear, spare_bits, response, height)
             }),
+            #[cfg(not(target_arch = "riscv32"))]
             (Law::Quadratic, 0) => each(segments, |response, height| {
                 actuators::code(Law::Quadratic, 0, response, height)
             }),

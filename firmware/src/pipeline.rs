@@ -523,9 +523,9 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         probe.after(Stage::Control);
 
         self.sor.load(&config.sor, self.control.commands());
-        self.sor.relax(&config.sor, if self.warm { warm_sweeps } else { *cold_sweeps });
+        let sweeps = if self.warm { warm_sweeps } else { *cold_sweeps };
         self.warm = true;
-        let totals = self.sor.totals(&config.sor);
+        let totals = self.sor.relax_and_total(&config.sor, sweeps);
         report.residual_squared = totals.residual_squared;
         let mean = self.sor.common_mean(&config.sor, &config.nodes, &totals);
         probe.after(Stage::Sor);
@@ -535,11 +535,11 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         let Self { control, sor, commands, mirror, .. } = self;
         let (newest, applied) = control.recording();
         let step = if self.shows_commands {
-            #[cfg(armv7em)]
+            #[cfg(any(target_arch = "riscv32", armv7em))]
             {
                 mirror.reach(config, sor.unknowns_mut(), newest, applied, mean)
             }
-            #[cfg(not(armv7em))]
+            #[cfg(not(any(target_arch = "riscv32", armv7em)))]
             mirror.pass_freely(
                 config,
                 config.nodes.iter().zip(applied),

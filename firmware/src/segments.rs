@@ -31,6 +31,7 @@
 //! 1/2 + 1/32 ulp. Limits within +-2^27. Scales are Q16 fractions from operands in
 //! quarters of an LSB up to 2^22 ([`fixed::ratio_q16`]), rounded down so that the result is inside.
 
+use crate::actuators::Response;
 use crate::error::{ConfigError, Field};
 use crate::fixed::{self, TILT_LIMIT, larger, mul_short, negative, positive, smaller};
 use serde::{Deserialize, Serialize};
@@ -75,6 +76,8 @@ pub(crate) struct Travel {
     pub(crate) tilts_shrink: bool,
     /// Whether some motion between two limits is longer than `slew_ulp`.
     pub(crate) slews: bool,
+    /// Whether all actuators' responses and limits are [short](Response::is_short).
+    pub(crate) is_short: bool,
 }
 
 /// Piston, tip and tilt of a segment, ulp.
@@ -308,8 +311,16 @@ impl Travel {
     }
 
     /// What these segments can run into.
-    pub(crate) fn new(ratio_bits: u32, slew_ulp: i32, segments: &[Segment]) -> Self {
+    pub(crate) fn new(
+        ratio_bits: u32,
+        slew_ulp: i32,
+        segments: &[Segment],
+        responses: &[[Response; ACTUATORS]],
+    ) -> Self {
+        let limits = segments.iter().map(|segment| pairs(segment.lowest, segment.highest));
+        let mut all = responses.iter().zip(limits).flat_map(|(&of, limits)| pairs(of, limits));
         Self {
+            is_short: all.all(|(response, limits)| response.is_short(limits)),
             ratio_bits,
             slew_ulp,
             tilts_shrink: segments.iter().any(|segment| segment.can_shrink(ratio_bits)),

@@ -27,6 +27,8 @@
 //! more where the mask relaxes more slowly, keeps the error within 10 % rms of the residual
 //! wavefront error, where a cold start would leave 40-50 %.
 
+#[cfg(target_arch = "riscv32")]
+use crate::dsp::quads;
 #[cfg(any(target_arch = "riscv32", armv7em))]
 use crate::dsp::{edges, relax::Lines, totals};
 use crate::fixed::{self, PISTON_LIMIT};
@@ -197,6 +199,16 @@ pub(crate) struct Totals {
     pub(crate) doubled: i64,
 }
 
+impl Totals {
+    /// Of the nodes of both.
+    const fn and(self, other: Self) -> Self {
+        Self {
+            residual_squared: self.residual_squared.wrapping_add(other.residual_squared),
+            doubled: self.doubled.wrapping_add(other.doubled),
+        }
+    }
+}
+
 /// Pistons and right-hand side of the relaxation.
 #[derive(Debug)]
 pub struct Sor<const M: usize> {
@@ -265,6 +277,10 @@ impl<const M: usize> Sor<M> {
     #[cfg(any(target_arch = "riscv32", armv7em))]
     #[inline(never)]
     pub fn relax(&mut self, config: &SorConfig<M>, sweeps: u16) {
+        #[cfg(target_arch = "riscv32")]
+        if self.relax_quads(config, sweeps).is_some() {
+            return;
+        }
         let at = COLOURS.map(|colour| Offsets::new(&config.grid, colour));
         let lines = Lines::new(self.unknowns.halves_mut(), config.couplings.halves(), &at);
         if let Some(lines) = lines {
@@ -293,6 +309,26 @@ impl<const M: usize> Sor<M> {
         }
     }
 
+    /// [`Sor::relax`] and the sums over black nodes, where [`quads`] does it.
+    #[cfg(target_arch = "riscv32")]
+    #[inline(always)]
+    fn relax_quads(&mut self, config: &SorConfig<M>, sweeps: u16) -> Option<Totals> {
+        let (nodes, couplings) = (self.unknowns.halves_mut(), config.couplings.halves());
+        quads::relax(nodes, couplings, &config.grid, sweeps)
+    }
+
+    /// [`Sor::relax`], and what is then known of all nodes together.
+    #[inline(always)]
+    pub(crate) fn relax_and_total(&mut self, config: &SorConfig<M>, sweeps: u16) -> Totals {
+        #[cfg(target_arch = "riscv32")]
+        if let Some(black) = self.relax_quads(config, sweeps) {
+            let [red, _] = COLOURS;
+            return self.totals_of(config, red).and(black);
+        }
+        self.relax(config, sweeps);
+        self.totals(config)
+    }
+
     /// The sum of (r / 8)^2 over all nodes, ulp^2 / 64.
     ///
     /// r is that of the unnormalised Laplacian, so that the error obeys |e| <= |r| / lambda_2.
@@ -304,10 +340,7 @@ impl<const M: usize> Sor<M> {
     #[inline(never)]
     pub(crate) fn totals(&self, config: &SorConfig<M>) -> Totals {
         let [red, black] = COLOURS.map(|colour| self.totals_of(config, colour));
-        Totals {
-            residual_squared: red.residual_squared.wrapping_add(black.residual_squared),
-            doubled: red.doubled.wrapping_add(black.doubled),
-        }
+        red.and(black)
     }
 
     fn totals_of(&self, config: &SorConfig<M>, colour: usize) -> Totals {
@@ -388,7 +421,7 @@ impl<const M: usize> Sor<M> {
     }
 
     /// Pistons and right-hand sides.
-    #[cfg(armv7em)]
+    #[cfg(any(target_arch = "riscv32", armv7em))]
     pub(crate) const fn unknowns_mut(&mut self) -> &mut RedBlack<Unknown, M> {
         &mut self.unknowns
     }

@@ -1,10 +1,13 @@
 //! The right-hand side of [`crate::sor`] in the machine's own instructions.
 
-use super::walk::{Start, Walk};
+use super::walk::{self, Start, Walk};
 use crate::geometry::Grid;
 use crate::redblack::{Offsets, RedBlack};
 use crate::sor::{Coupling, Unknown};
 use core::arch::asm;
+
+/// Places a turn.
+const TURN: usize = if cfg!(target_arch = "riscv32") { 8 } else { walk::TURN };
 
 /// The right-hand sides of one colour: [`Coupling::edges`] of all.
 #[allow(unsafe_code)]
@@ -17,7 +20,7 @@ pub(crate) fn load<const M: usize>(
 ) -> Option<()> {
     let at = Offsets::new(grid, colour);
     let walk = Walk::new(tilts, colour, &at)?;
-    let Start { own, east, north, south, end, back } = walk.start();
+    let Start { own, east, north, south, end, back } = walk.start_of(TURN);
     let to = unknowns.half_mut(colour).as_mut_ptr().wrapping_add(at.own).wrapping_sub(back);
     let each = couplings.half(colour).as_ptr().wrapping_add(at.own).wrapping_sub(back);
     let [west, _] = walk.west();
@@ -25,7 +28,7 @@ pub(crate) fn load<const M: usize>(
     // of `to`, and registers that are given here.
     #[cfg(target_arch = "riscv32")]
     unsafe {
-        asm!(concat!(include_str!("edges_rv32.s"), include_str!("turns_rv32.s")),
+        asm!(concat!(include_str!("edges_rv32.s"), include_str!("long_turns_rv32.s")),
             own = inout(reg) own => _, east = inout(reg) east => _,
             north = inout(reg) north => _, south = inout(reg) south => _,
             to = inout(reg) to => _, each = inout(reg) each => _, end = in(reg) end,

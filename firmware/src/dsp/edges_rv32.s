@@ -4,11 +4,16 @@
     lw {k}, \node / 2({each})
     lw \east, \node({east})
     beqz {k}, 99f
-    lw {x}, \node({own})
-    lw {y}, \node + 4({own})
     lw {n}, \node + 4({north})
     lw {s}, \node + 4({south})
     sub \west, \west, \east
+    andi {t}, {k}, 0x78
+    sub {n}, {n}, {s}
+    add \west, \west, {n}
+    // Its own count where its neighbours are not the same on both sides: at the mask's edge.
+    beqz {t}, 98f
+    lw {x}, \node({own})
+    lw {y}, \node + 4({own})
     // n_w - n_e, and n_n - n_s.
     slli {t}, {k}, 27
     srai {t}, {t}, 30
@@ -16,11 +21,9 @@
     srai {k}, {k}, 30
     mul {t}, {t}, {x}
     mul {k}, {k}, {y}
-    sub {n}, {n}, {s}
-    add \west, \west, {n}
     add {t}, {t}, {k}
     add \west, \west, {t}
-    slli \west, \west, 3
+98: slli \west, \west, 3
     sw \west, \node + 4({to})
 99:
 .endm
@@ -31,8 +34,8 @@
     place \node, {b}, {a}
 .endm
 .macro step
-    addi {east}, {east}, 32
-    addi {north}, {north}, 32
-    addi {south}, {south}, 32
-    addi {to}, {to}, 32
+    addi {east}, {east}, 64
+    addi {north}, {north}, 64
+    addi {south}, {south}, 64
+    addi {to}, {to}, 64
 .endm

@@ -1,7 +1,11 @@
-//! What segments of a free mirror show, in the Cortex-M7's own instructions: [`Segment::go`] of all.
+//! What segments of a free mirror show, in the machine's own instructions: [`Segment::go`] of all.
 //!
-//! Compiled, the loop keeps a third of what it needs on the stack. Here that is what has the least to do: five
-//! addresses, and what is the same for all.
+//! Compiled, the loop keeps a third of what it needs on the Cortex-M7's stack. Here that is what has the least to
+//! do: five addresses, and what is the same for all.
+//!
+//! A free mirror has a piston for each tip and tilt: what is left above one actuator and below another comes to no
+//! less than nothing (`Segment::can_shrink` has room for rounding). So one of the two is negative at most, and the
+//! piston changes by the sum of what both ask for.
 
 use crate::fixed::PISTON_LIMIT;
 use crate::redblack::RedBlack;
@@ -48,30 +52,63 @@ pub(crate) fn reach<const M: usize>(
         return 0;
     }
     let bits = ratio_bits.wrapping_sub(DROPPED);
-    let shared = [
-        nodes.as_ptr().expose_provenance() as u32,
-        unknowns.halves_mut().as_flattened_mut().as_mut_ptr().expose_provenance() as u32,
-        commands.halves().as_flattened().as_ptr().expose_provenance() as u32,
-        applied.as_mut_ptr().expose_provenance() as u32,
-        ((mean << 1).wrapping_sub(ROOM)) as u32,
-        2 * M as u32,
-        1u32.wrapping_shl(bits) >> 1,
-        bits,
-        segments.as_ptr().wrapping_add(count).addr() as u32,
-    ];
+    let half = 1u32.wrapping_shl(bits) >> 1;
+    let places = 2 * M as u32;
+    let raise = ROOM.wrapping_sub(mean << 1);
+    let unknowns = unknowns.halves_mut().as_flattened_mut().as_mut_ptr();
+    let commands = commands.halves().as_flattened().as_ptr();
+    let end = segments.as_ptr().wrapping_add(count);
     let mut saturated = 0;
-    // SAFETY: the instructions go through `count` of each slice, which are as long at least, and read and write
-    // fields at places that they compare with how many there are; they write registers that are given here, but
-    // for two that they save on the stack with a copy of `shared`.
-    unsafe {
-        asm!(include_str!("reach_armv7em.s"),
-            room = const ROOM, limit = const PISTON_LIMIT, tilt_bits = const 16 - DROPPED,
-            lowest = const offset_of!(Segment, lowest), highest = const offset_of!(Segment, highest),
-            segment = const size_of::<Segment>(),
-            inout("r0") shared.as_ptr() => _, out("r1") _, out("r2") _, out("r3") _, out("r4") _,
-            out("r5") _, out("r8") _, out("r9") _, inout("r10") segments.as_ptr() => _,
-            inout("r11") positions.as_mut_ptr() => _, inout("r12") heights_ulp.as_mut_ptr() => _,
-            inout("lr") saturated);
+    #[cfg(target_arch = "riscv32")]
+    {
+        // The first turn is entered behind one segment, or two.
+        let back = 2 - count % 2;
+        // SAFETY: the instructions go through `count` of each slice, which are as long at least, and read and write
+        // fields at places that they compare with how many there are; they write registers that are given here.
+        unsafe {
+            asm!(include_str!("reach_rv32.s"),
+                tilt_bits = const 16 - DROPPED, node = const size_of::<Node>(),
+                lowest = const offset_of!(Segment, lowest), highest = const offset_of!(Segment, highest),
+                segment = const size_of::<Segment>(),
+                nodes = inout(reg) nodes.as_ptr().wrapping_sub(back) => _,
+                segments = inout(reg) segments.as_ptr().wrapping_sub(back) => _,
+                applied = inout(reg) applied.as_mut_ptr().wrapping_sub(back) => _,
+                positions = inout(reg) positions.as_mut_ptr().wrapping_sub(back) => _,
+                heights = inout(reg) heights_ulp.as_mut_ptr().wrapping_sub(back) => _,
+                end = in(reg) end.wrapping_sub(2),
+                unknowns = in(reg) unknowns, commands = in(reg) commands, places = in(reg) places,
+                raise = in(reg) raise, room = in(reg) ROOM, limit = in(reg) PISTON_LIMIT,
+                half = in(reg) half, bits = in(reg) bits, upper = in(reg) 0xffff_0000u32,
+                saturated = inout(reg) saturated,
+                a = out(reg) _, b = out(reg) _, c = out(reg) _, p = out(reg) _, t = out(reg) _,
+                u = out(reg) _, v = out(reg) _, x = inout(reg) count % 2 => _, y = out(reg) _,
+                options(nostack));
+        }
+    }
+    #[cfg(armv7em)]
+    {
+        let shared = [
+            nodes.as_ptr().expose_provenance() as u32,
+            unknowns.expose_provenance() as u32,
+            commands.expose_provenance() as u32,
+            applied.as_mut_ptr().expose_provenance() as u32,
+            raise.wrapping_neg() as u32,
+            places,
+            half,
+            bits,
+            end.addr() as u32,
+        ];
+        // SAFETY: as above, but for two registers that they save on the stack with a copy of `shared`.
+        unsafe {
+            asm!(include_str!("reach_armv7em.s"),
+                room = const ROOM, limit = const PISTON_LIMIT, tilt_bits = const 16 - DROPPED,
+                lowest = const offset_of!(Segment, lowest), highest = const offset_of!(Segment, highest),
+                segment = const size_of::<Segment>(),
+                inout("r0") shared.as_ptr() => _, out("r1") _, out("r2") _, out("r3") _, out("r4") _,
+                out("r5") _, out("r8") _, out("r9") _, inout("r10") segments.as_ptr() => _,
+                inout("r11") positions.as_mut_ptr() => _, inout("r12") heights_ulp.as_mut_ptr() => _,
+                inout("lr") saturated);
+        }
     }
     saturated
 }

@@ -62,7 +62,7 @@
     add lr, lr, r0, lsr #31
     orr r0, r6, r9
     add lr, lr, r0, lsr #31
-    // The least above, 0 at most; the least below; the larger of the former and the negative latter.
+    // The least above and the least below, 0 at most: of a free mirror never both (see `reach`).
     and r7, r7, r7, asr #31
     sub r7, r8
     and r7, r7, r7, asr #31
@@ -76,10 +76,9 @@
     sub r1, r6
     and r1, r1, r1, asr #31
     add r1, r6
-    add r1, r7
     and r1, r1, r1, asr #31
-    sub r7, r1
     // The piston gives way.
+    sub r7, r1
     add r3, r7
     add r4, r7
     add r5, r7

@@ -6,6 +6,9 @@ use crate::redblack::{Offsets, RedBlack};
 use crate::sor::{Coupling, Totals, Unknown};
 use core::arch::asm;
 
+/// Places a turn.
+const TURN: usize = if cfg!(target_arch = "riscv32") { 8 } else { walk::TURN };
+
 /// The sums over one colour: [`Coupling::total`] of all.
 #[allow(unsafe_code)]
 #[inline(always)]
@@ -16,7 +19,7 @@ pub(crate) fn totals<const M: usize>(
 ) -> Option<Totals> {
     let at = Offsets::new(grid, colour);
     let walk = Walk::new(unknowns, colour, &at)?;
-    let Start { own, east, north, south, end, back } = walk.start();
+    let Start { own, east, north, south, end, back } = walk.start_of(TURN);
     let each = couplings.half(colour).as_ptr().wrapping_add(at.own).wrapping_sub(back);
     let west = walk.west().doubled;
     let (mut squares_low, mut squares_high) = (0u32, 0u32);
@@ -25,8 +28,9 @@ pub(crate) fn totals<const M: usize>(
     // SAFETY: the instructions read what `Walk::new` found within the halves and as much of `each`, and write
     // registers that are given here.
     unsafe {
-        asm!(concat!(include_str!("residual_rv32.s"), include_str!("totals_rv32.s"),
-                include_str!("turns_rv32.s")), ".purgem residual",
+        asm!(concat!(include_str!("residual_rv32.s"), include_str!("total_rv32.s"),
+                include_str!("totals_rv32.s"), include_str!("long_turns_rv32.s")),
+            ".purgem total", ".purgem residual",
             own = inout(reg) own => _, east = inout(reg) east => _,
             north = inout(reg) north => _, south = inout(reg) south => _,
             each = inout(reg) each => _, end = in(reg) end,
@@ -47,8 +51,14 @@ pub(crate) fn totals<const M: usize>(
             inout("r2") squares_low, inout("r3") squares_high,
             inout("r5") end => low, inout("r12") 0 => high, inout("r4") back => _);
     }
-    Some(Totals {
+    Some(together([squares_low, squares_high], [low, high]))
+}
+
+/// What the instructions have summed up: squares in two words, and pistons (see [`walk::sum`]).
+#[inline(always)]
+pub(super) fn together([squares_low, squares_high]: [u32; 2], [low, high]: [i32; 2]) -> Totals {
+    Totals {
         residual_squared: u64::from(squares_high) << 32 | u64::from(squares_low),
         doubled: walk::sum(low, high),
-    })
+    }
 }

@@ -1,15 +1,15 @@
 //! All nodes of one colour, in the machine's own instructions: what [`super::law`], [`super::edges`] and
 //! [`super::totals`] have in common.
 //!
-//! Four places a turn, each with a constant offset: there is a pointer for each thing that is read or written,
-//! and it moves once a turn. Where there is no node the east is read, at most: the mask decides about time, and
-//! never the data.
+//! Four places a turn, or eight, each with a constant offset: there is a pointer for each thing that is read or
+//! written, and it moves once a turn. Where there is no node the east is read, at most: the mask decides about
+//! time, and never the data.
 
 use crate::redblack::{Offsets, RedBlack};
 use core::marker::PhantomData;
 
-/// Places a turn.
-const TURN: usize = 4;
+/// Places a turn, but where one says otherwise.
+pub(super) const TURN: usize = 4;
 
 /// Places by which the first turn's pointers are before the first place: it is entered behind them.
 pub(super) const fn first_turn(places: usize, turn: usize) -> usize {
@@ -76,13 +76,19 @@ impl<'a, T: Copy + Default> Walk<'a, T> {
     /// Where the first turn starts.
     #[inline(always)]
     pub(super) fn start(&self) -> Start<T> {
-        let back = first_turn(self.places, TURN);
+        self.start_of(TURN)
+    }
+
+    /// The same of turns of so many places.
+    #[inline(always)]
+    pub(super) fn start_of(&self, turn: usize) -> Start<T> {
+        let back = first_turn(self.places, turn);
         Start {
             own: self.own.wrapping_sub(back),
             east: self.east.wrapping_sub(back),
             north: self.north.wrapping_sub(back),
             south: self.south.wrapping_sub(back),
-            end: self.own.wrapping_add(self.places).wrapping_sub(TURN),
+            end: self.own.wrapping_add(self.places).wrapping_sub(turn),
             back,
         }
     }

@@ -1,0 +1,34 @@
+// Eight places a turn, as turns_rv32.s has four.
+.option push
+.option norvc
+.p2align 2
+    addi {x}, {x}, -4
+    beqz {x}, 14f
+    bgtz {x}, 2f
+    addi {x}, {x}, 2
+    bltz {x}, 11f
+    beqz {x}, 12f
+    j 13f
+2:  addi {x}, {x}, -2
+    bltz {x}, 15f
+    beqz {x}, 16f
+    addi {x}, {x}, -2
+    bltz {x}, 17f
+    j 18f
+3:  addi {each}, {each}, 32
+    addi {own}, {own}, 64
+    step
+    even 0
+11: odd 8
+12: even 16
+13: odd 24
+14: even 32
+15: odd 40
+16: even 48
+17: odd 56
+18: bne {own}, {end}, 3b
+.option pop
+.purgem place
+.purgem even
+.purgem odd
+.purgem step
