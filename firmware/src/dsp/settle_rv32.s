@@ -5,13 +5,11 @@
     beqz {x}, 99f
     lw {d}, \node + 4({own})
     sub {c}, {c}, {least_c}
-    srai {x}, {c}, 31
-    not {x}, {x}
+    sgtz {x}, {c}
     sub {d}, {d}, {least_d}
-    srai {y}, {d}, 31
-    not {y}, {y}
-    and {c}, {c}, {x}
-    and {d}, {d}, {y}
+    sgtz {y}, {d}
+    mul {c}, {c}, {x}
+    mul {d}, {d}, {y}
     sub {c}, {c}, {room}
     sub {d}, {d}, {room}
     srai {x}, {c}, 31
