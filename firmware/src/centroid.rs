@@ -13,11 +13,8 @@
 //! brightest-n, which buffers its window. Sums are exact: 32 bits, 64 where they are weighted.
 //! A weighted sum is shifted down to 26 bits together with its moments before it is divided by: the
 //! weights are two products of 8 bits, and rounding each would cost what faint spots are made of.
-//! The reciprocal of I is one fixed sequence of divisions, two where I has at most 20 bits by
-//! configuration and four otherwise ([`fixed::reciprocal`], [`fixed::short_reciprocal`]), of which
-//! RISC-V makes multiplications but for the first; a window without signal divides by one and yields
-//! zero, and its flux
-//! marks it as invalid.
+//! The quotient is a product with the reciprocal of I from a table ([`crate::inverse`]); that of a window
+//! without signal is zero, and its flux marks it as invalid.
 //!
 //! | estimator | threshold | passes |
 //! |---|---|---|
@@ -33,6 +30,7 @@ use crate::dsp::{Kernel, Rows};
 #[cfg(target_arch = "riscv32")]
 use crate::dsp::{rv32::Narrow, rv32_wide::Wide};
 use crate::fixed::{self, CENTROID_BITS};
+use crate::inverse::Inverse;
 use crate::pixels::{self, BankRow, Cut, Seen, WATCHED};
 use serde::{Deserialize, Serialize};
 
@@ -106,8 +104,6 @@ pub(crate) struct WeightedMoments {
 
 /// Bits of the divisor of a centroid: those of the largest plain sum.
 const SUM_BITS: u32 = 26;
-/// Bits of a sum for which two divisions give a reciprocal that is good enough.
-pub(crate) const SHORT_SUM_BITS: u32 = 20;
 
 impl Moments {
     /// No signal yet.
@@ -132,25 +128,11 @@ impl Moments {
         self.y = self.y.wrapping_add(y);
     }
 
-    /// The centroid of what has been added, Q16 pixels from the window's centre; `SHORT` if the
-    /// sum has at most [`SHORT_SUM_BITS`].
+    /// The centroid of what has been added, Q16 pixels from the window's centre: a moment is in half pixels.
     #[inline(always)]
-    pub(crate) fn centroid_q16<const SHORT: bool>(&self) -> [i32; 2] {
-        // Of 2^48 / I, or 2^43 / I and moments 2^5 as large: |M| <= 31 I, so that these are below 2^30.
-        // A reciprocal that is low by one is low by at most 2^-23 (I / 2^43), or 2^-22 (I / 2^48): of a
-        // centroid within 2^20 or 2^21 ulp, less than one.
-        let (reciprocal, up) = match SHORT {
-            true => (fixed::short_reciprocal(self.sum), 5),
-            false => (fixed::reciprocal(self.sum), 0),
-        };
-        [self.x, self.y].map(|m| {
-            let m = m << up;
-            // The product's upper word, from both of the reciprocal's: 2^48 M / I / 2^32, twice the
-            // centroid, within 2^22. Halving it rounds as if nothing had been lost.
-            let low = i64::from(m).wrapping_mul(i64::from(reciprocal as u32)) >> 32;
-            let twice = (low as i32).wrapping_add(m.wrapping_mul((reciprocal >> 32) as i32));
-            twice.wrapping_add(1) >> 1
-        })
+    pub(crate) fn centroid_q16(&self) -> [i32; 2] {
+        let inverse = Inverse::new(self.sum);
+        [self.x, self.y].map(|moment| inverse.quotient_q15(moment))
     }
 }
 

@@ -7,7 +7,7 @@
 
 use crate::actuators::{Drive, Law, Response};
 use crate::calibration::Calibration;
-use crate::centroid::{self, EstimatorConfig, Template};
+use crate::centroid::{EstimatorConfig, Template};
 use crate::control::{Changes, ControlConfig, Gains};
 use crate::error::ConfigError;
 use crate::fixed::LENGTH_BITS;
@@ -56,8 +56,6 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) height: u16,
     /// Bits of a raw pixel.
     pub(crate) bits: u8,
-    /// Whether no window's sum has more bits than a short reciprocal takes.
-    pub(crate) short_sums: bool,
     /// Whether no signal and fixed threshold come to more than 16 bits.
     pub(crate) low_thresholds: bool,
     pub(crate) window: usize,
@@ -120,7 +118,6 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             width: 0,
             height: 0,
             bits: 0,
-            short_sums: false,
             low_thresholds: false,
             window: 0,
             slots: heapless::Vec::new(),
@@ -237,7 +234,6 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.schedule.fill(spec);
         self.fill_bank(&quantiser, spec);
         self.travel = Travel::new(quantiser.ratio_bits, slew_ulp, &self.segments, &self.responses);
-        self.short_sums = self.sums_are_short();
         self.find_low_thresholds();
         self.fill_sor(spec.mask.across(), &spec.sor);
         Ok(())
@@ -246,17 +242,6 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
     pub(crate) fn set_gain_exponent(&mut self, exponent: u32) {
         self.gain_exponent = exponent;
         self.slope_scale = SlopeScale::new(exponent);
-    }
-
-    pub(crate) fn sums_are_short(&self) -> bool {
-        self.sums_have(centroid::SHORT_SUM_BITS)
-    }
-
-    /// Whether no window's sum has more than so many bits.
-    #[inline(always)]
-    pub(crate) fn sums_have(&self, bits: u32) -> bool {
-        let largest = self.window * self.window * usize::from(self.bank.top);
-        largest < 1 << bits
     }
 
     /// Back to no subapertures.

@@ -1,4 +1,4 @@
-//! Fixed-point primitives of the frame path: rounding, saturation, reciprocals, ratios and roots.
+//! Fixed-point primitives of the frame path: rounding, saturation, ratios and roots.
 //!
 //! Every function here is branch-free in its data and exact or bounded as its documentation
 //! says, so that a PC, a Cortex-M7 and a RISC-V soft core give the same bits, by one sequence of
@@ -114,100 +114,6 @@ pub const fn mul_q30(k: i32, r: i32) -> i32 {
     mul_high(k, r.wrapping_shl(3)).wrapping_add(1) >> 1
 }
 
-/// `floor(2^48 / divisor)` for `1 <= divisor < 2^26`; a zero divisor counts as one.
-///
-/// The reciprocal of a flux: times a first moment it gives a centroid. Where the machine divides
-/// 64 bits at once it does; elsewhere four 32-bit divisions give the same quotient
-/// ([`reciprocal_chained`]).
-#[inline(always)]
-pub fn reciprocal(divisor: u32) -> u64 {
-    #[cfg(target_pointer_width = "64")]
-    {
-        (1u64 << 48) / u64::from(divisor.max(1))
-    }
-    #[cfg(not(target_pointer_width = "64"))]
-    {
-        reciprocal_chained(divisor)
-    }
-}
-
-/// `floor(2^43 / divisor)` for `1 <= divisor < 2^20`; a zero divisor counts as one.
-///
-/// As [`reciprocal`], with two 32-bit divisions ([`short_reciprocal_chained`]).
-#[inline(always)]
-pub fn short_reciprocal(divisor: u32) -> u64 {
-    #[cfg(target_pointer_width = "64")]
-    {
-        (1u64 << 43) / u64::from(divisor.max(1))
-    }
-    #[cfg(not(target_pointer_width = "64"))]
-    {
-        short_reciprocal_chained(divisor)
-    }
-}
-
-/// Quotient of `rest 2^bits` by `d`, and what remains.
-#[inline(always)]
-const fn divide(rest: u32, bits: u32, d: u32) -> (u32, u32) {
-    let dividend = rest.wrapping_shl(bits);
-    let quotient = dividend / d;
-    (quotient, dividend.wrapping_sub(quotient.wrapping_mul(d)))
-}
-
-/// [`divide`] for `rest < d`, where `inverse` is the quotient of 2^31 by `d`: on RISC-V a multiplication
-/// and two corrections take a third of a division's time.
-#[inline(always)]
-const fn divide_again(rest: u32, bits: u32, d: u32, inverse: u32) -> (u32, u32) {
-    if cfg!(target_arch = "riscv32") {
-        divide_by_inverse(rest, bits, d, inverse)
-    } else {
-        divide(rest, bits, d)
-    }
-}
-
-/// The inverse lacks less than one, which of a dividend below 2^32 makes less than two: a quotient that
-/// is rounded down lacks two at most. Of `d = 1`, whose inverse doubled does not fit, nothing rests.
-#[inline(always)]
-const fn divide_by_inverse(rest: u32, bits: u32, d: u32, inverse: u32) -> (u32, u32) {
-    let dividend = rest.wrapping_shl(bits);
-    let low = ((dividend as u64 * inverse.wrapping_shl(1) as u64) >> 32) as u32;
-    let rest = dividend.wrapping_sub(low.wrapping_mul(d));
-    // Below 3 d.
-    let more = 2 - borrow(rest, d) - borrow(rest, 2 * d);
-    (low.wrapping_add(more), rest.wrapping_sub(d.wrapping_mul(more)))
-}
-
-/// `max(d, 1)`: without a comparison, which would be a branch where there is no conditional move.
-#[inline(always)]
-const fn at_least_one(d: u32) -> u32 {
-    d.wrapping_add((d.wrapping_sub(1) & !d) >> 31)
-}
-
-/// [`reciprocal`] by long division in 32-bit words: 2^31, then 6, 6 and 5 more bits.
-///
-/// Each remainder is below the divisor, hence below 2^26, so that shifting it by 6 stays in 32
-/// bits: no 64-bit division routine, whose time depends on its operands, is ever called.
-#[inline]
-pub const fn reciprocal_chained(divisor: u32) -> u64 {
-    let d = at_least_one(divisor);
-    let (q0, r0) = divide(1, 31, d);
-    let (q1, r1) = divide_again(r0, 6, d, q0);
-    let (q2, r2) = divide_again(r1, 6, d, q0);
-    let (q3, _) = divide_again(r2, 5, d, q0);
-    ((q0 as u64) << 17) + ((q1 as u64) << 11) + ((q2 as u64) << 5) + q3 as u64
-}
-
-/// [`short_reciprocal`] by long division in 32-bit words: 2^31, then 12 more bits of a remainder
-/// below 2^20.
-#[inline]
-pub const fn short_reciprocal_chained(divisor: u32) -> u64 {
-    let d = at_least_one(divisor);
-    let (q0, r0) = divide(1, 31, d);
-    let (q1, _) = divide_again(r0, 12, d, q0);
-    // Below 2^12: no carry.
-    ((q0 as u64) << 12) | q1 as u64
-}
-
 /// `min(floor(2^16 num / den), 2^16)` for `den <= 2^22`; a zero denominator gives one.
 ///
 /// A numerator below the denominator is below 2^22, so that ten bits more still fit 32.
@@ -315,49 +221,6 @@ const fn borrow(a: u32, b: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn chained_reciprocal_is_the_quotient() {
-        let edges = [1u32, 2, 3, 5, 7, 63, 64, 65, 4095, 65535, 65536, (1 << 26) - 1, 1 << 25];
-        let spread = (0..200_000u32).map(|i| i.wrapping_mul(2_654_435_761) >> 6).map(|d| d.max(1));
-        for d in edges.into_iter().chain(spread) {
-            assert_eq!(reciprocal_chained(d), (1u64 << 48) / u64::from(d), "divisor {d}");
-            assert_eq!(reciprocal(d), reciprocal_chained(d));
-        }
-        assert_eq!(reciprocal(0), 1 << 48);
-        assert_eq!(reciprocal_chained(0), 1 << 48);
-    }
-
-    #[test]
-    fn an_inverse_divides_as_a_division() {
-        let check = |d: u32, bits: u32| {
-            let (inverse, rest) = divide(1, 31, d);
-            assert_eq!(
-                divide_by_inverse(rest, bits, d, inverse),
-                divide(rest, bits, d),
-                "{rest} 2^{bits} / {d}"
-            );
-        };
-        (1..1u32 << 20).for_each(|d| check(d, 12));
-        (1..1u32 << 26).step_by(61).for_each(|d| check(d, 6));
-        // Later rests, which have nothing to do with the inverse.
-        for i in 1..1_000_000u32 {
-            let d = (i.wrapping_mul(2_654_435_761) >> 6).max(1);
-            let (inverse, rest) = (divide(1, 31, d).0, i.wrapping_mul(2_246_822_519) % d);
-            for rest in [rest, d - 1] {
-                assert_eq!(divide_by_inverse(rest, 6, d, inverse), divide(rest, 6, d));
-            }
-        }
-    }
-
-    #[test]
-    fn short_reciprocal_is_the_quotient() {
-        for d in 1..1u32 << 20 {
-            assert_eq!(short_reciprocal_chained(d), (1u64 << 43) / u64::from(d), "divisor {d}");
-        }
-        assert_eq!(short_reciprocal_chained(0), 1 << 43);
-        assert_eq!(short_reciprocal(3), short_reciprocal_chained(3));
-    }
 
     #[test]
     fn narrow_is_the_nearest_in_range() {

@@ -403,7 +403,6 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.bank.threshold_shift = head.threshold_shift;
         self.bank.top = top;
         self.bank.saturation = head.saturation;
-        self.short_sums = self.sums_are_short();
         Ok(())
     }
 

@@ -70,6 +70,7 @@ pub mod geometry;
 pub mod identity;
 pub mod image;
 pub mod interlock;
+pub mod inverse;
 pub mod ladder;
 pub mod last_words;
 pub mod link;

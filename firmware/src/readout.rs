@@ -58,16 +58,10 @@ impl Window {
     const NEW: Self = Self { moments: Moments::ZERO, seen: Seen::NOTHING };
 
     /// The measurement, and what the next frame does with the window, of which `base` is the fixed
-    /// threshold; `SHORT` as of [`Moments::centroid_q16`].
+    /// threshold.
     #[inline(always)]
-    fn measured<const SHORT: bool>(
-        &self,
-        tracking: &Tracking,
-        base: u16,
-        shared: &Shared,
-    ) -> (Measurement, Tracking) {
-        let measurement =
-            self.measurement::<SHORT>(&self.moments, self.moments.sum, tracking, shared);
+    fn measured(&self, tracking: &Tracking, base: u16, shared: &Shared) -> (Measurement, Tracking) {
+        let measurement = self.measurement(&self.moments, self.moments.sum, tracking, shared);
         (measurement, tracking.next::<true>(&measurement, base, shared))
     }
 
@@ -82,8 +76,7 @@ impl Window {
         shared: &Shared,
     ) -> (Measurement, Tracking) {
         let moments = moments.get(k).copied().unwrap_or(WeightedMoments::ZERO);
-        let mut measurement =
-            self.measurement::<false>(&moments.narrow(), moments.flux(), tracking, shared);
+        let mut measurement = self.measurement(&moments.narrow(), moments.flux(), tracking, shared);
         let centre = centres.get(k).copied().unwrap_or_default();
         measurement.centroid_q16.iter_mut().zip(centre).for_each(|(c, centre)| {
             *c = centroid::unweighted(centre.into(), *c, gain);
@@ -91,9 +84,9 @@ impl Window {
         (measurement, tracking.next::<false>(&measurement, base, shared))
     }
 
-    /// The measurement, of `moments` or its own; `SHORT` as of [`Moments::centroid_q16`].
+    /// The measurement, of `moments` or its own.
     #[inline(always)]
-    fn measurement<const SHORT: bool>(
+    fn measurement(
         &self,
         moments: &Moments,
         flux: u32,
@@ -104,7 +97,7 @@ impl Window {
         // What was taken off the peak; nothing off none. Their sum is a raw value less its floor.
         let taken = i32::from(tracking.excess & shared.subtracted) & mask(peak as u32);
         Measurement {
-            centroid_q16: moments.centroid_q16::<SHORT>(),
+            centroid_q16: moments.centroid_q16(),
             flux,
             peak: peak.wrapping_add(taken) as u16,
             saturated,
@@ -574,7 +567,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         while start < end {
             let some = [start, end.min(start.wrapping_add(BATCH))];
             #[cfg(target_arch = "riscv32")]
-            if match config.short_sums {
+            if match config.low_thresholds {
                 true => self.take_spots::<true, P, K>(config, some, sink),
                 false => self.take_spots::<false, P, K>(config, some, sink),
             } {
@@ -583,10 +576,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             }
             match config.estimator {
                 EstimatorConfig::Weighted { gain, .. } => {
-                    self.measure::<true, false, P, K>(config, some, gain);
+                    self.measure::<true, P, K>(config, some, gain);
                 }
-                _ if config.short_sums => self.measure::<false, true, P, K>(config, some, 0),
-                _ => self.measure::<false, false, P, K>(config, some, 0),
+                _ => self.measure::<false, P, K>(config, some, 0),
             }
             [_, start] = some;
             if let Some(new) = self.measurements.get(1 - self.complete) {
@@ -595,13 +587,13 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         }
     }
 
-    /// Measures windows and hands them over at once, if they are such as the kernel takes; `SHORT` as of
-    /// [`Moments::centroid_q16`].
+    /// Measures windows and hands them over at once, if they are such as the kernel takes; `LOW` if
+    /// thresholds are.
     ///
     /// Not inlined: it needs all registers.
     #[cfg(target_arch = "riscv32")]
     #[inline(never)]
-    fn take_spots<const SHORT: bool, const P: usize, const K: usize>(
+    fn take_spots<const LOW: bool, const P: usize, const K: usize>(
         &mut self,
         config: &Config<M, P, B, K>,
         [first, next]: [usize; 2],
@@ -611,11 +603,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             return false;
         };
         let convention = config.bank.convention;
-        if !config.in_order
-            || (SHORT && !config.low_thresholds)
-            || convention != Convention::Subtract
-            || !config.sums_have(spots::SUM_BITS)
-        {
+        if !config.in_order || convention != Convention::Subtract {
             return false;
         }
         let pair = [self.complete, 1 - self.complete];
@@ -644,16 +632,15 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             size: config.window,
             peak_fraction,
         };
-        spots::take::<M, SHORT>(spots, subapertures);
+        spots::take::<M, LOW>(spots, subapertures);
         true
     }
 
-    /// Measures windows from their moments, or from their weighted ones, of which `gain` undoes the weight;
-    /// `SHORT` as of [`Moments::centroid_q16`].
+    /// Measures windows from their moments, or from their weighted ones, of which `gain` undoes the weight.
     ///
     /// Not inlined: it needs all registers.
     #[inline(never)]
-    fn measure<const WEIGHTED: bool, const SHORT: bool, const P: usize, const K: usize>(
+    fn measure<const WEIGHTED: bool, const P: usize, const K: usize>(
         &mut self,
         config: &Config<M, P, B, K>,
         [start, end]: [usize; 2],
@@ -677,7 +664,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                 let measurement;
                 (measurement, *next) = match WEIGHTED {
                     true => window.weighted(weighted, k, tracking, base, &shared),
-                    false => window.measured::<SHORT>(tracking, base, &shared),
+                    false => window.measured(tracking, base, &shared),
                 };
                 measurement
             };

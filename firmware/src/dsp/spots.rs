@@ -2,13 +2,12 @@
 //! with the window, slope and pseudo-open-loop slope of one after the other.
 //!
 //! [`crate::readout`], [`crate::slopes`] and [`crate::control`] say what these are. Here nothing is stored and read
-//! again in between, and there is one loop in place of two. Of a reciprocal a division makes 32 bits, all ones in
-//! place of 2^32; what it leaves of that makes 11 more for sums of 20 bits, or twice 8 for sums of 24: quotients of
-//! numbers below 2^32 by an inverse of 32 bits, which lacks less than one, lack one at most.
+//! again in between, and there is one loop in place of two.
 
-use crate::centroid::{Measurement, SHORT_SUM_BITS};
+use crate::centroid::Measurement;
 use crate::control::{GUARD_BITS, Taking};
 use crate::fixed::{CENTROID_BITS, TILT_LIMIT};
+use crate::inverse::{Cell, INVERSES, SPARE_BITS};
 use crate::pixels::{Seen, WATCHED};
 use crate::readout::{Tracking, Window};
 use crate::slopes::{HEADROOM, Slope, SlopeCalibration, SlopeScale};
@@ -45,20 +44,30 @@ const _: () = assert!(
         && offset_of!(Measurement, centroid_q16) == 0
         && offset_of!(Node, place) == 0
         && TILT_LIMIT.trailing_zeros() >= 12
-        && SHORT_SUM_BITS <= 32 - 11
+        && size_of::<Cell>() == 8
+        && offset_of!(Cell, start) == 0
+        && SPARE_BITS == 6
 );
 
 /// Windows a turn.
 const TURN: usize = 4;
 
-/// Bits of the largest sum.
-pub(crate) const SUM_BITS: u32 = 24;
+/// Of numbers of nine bits, the leading zeros among nine.
+static LEADING_ZEROS: [u8; 512] = {
+    let mut zeros = [0; 512];
+    let mut x = 0;
+    while x < 512 {
+        zeros[x] = (x as u32).leading_zeros() as u8 - 23;
+        x += 1;
+    }
+    zeros
+};
 
-/// Takes up to 64 windows of signals above floors, with sums of [`SUM_BITS`] and gains without a shift to the left;
-/// if `SHORT`, with sums of [`SHORT_SUM_BITS`] and low thresholds.
+/// Takes up to 64 windows of signals above floors, with gains without a shift to the left; if `LOW`, with low
+/// thresholds.
 #[allow(unsafe_code)]
 #[inline(always)]
-pub(crate) fn take<const M: usize, const SHORT: bool>(
+pub(crate) fn take<const M: usize, const LOW: bool>(
     spots: Spots<'_>,
     subapertures: Subapertures<'_, M>,
 ) {
@@ -100,7 +109,7 @@ pub(crate) fn take<const M: usize, const SHORT: bool>(
     // registers that are given here.
     unsafe {
         asm!(include_str!("spots_rv32.s"),
-            short = const SHORT as u32, window = const size_of::<Window>(),
+            low = const LOW as u32, window = const size_of::<Window>(),
             sum = const offset_of!(Window, moments.sum), mx = const offset_of!(Window, moments.x),
             my = const offset_of!(Window, moments.y),
             peak = const offset_of!(Window, seen) + offset_of!(Seen, peak),
@@ -132,7 +141,7 @@ pub(crate) fn take<const M: usize, const SHORT: bool>(
             count = inout(reg) valid, saturated_sum = inout(reg) saturated,
             t = inout(reg) back => _, d = out(reg) _, x = out(reg) _, y = out(reg) _, s = out(reg) _,
             u = out(reg) _, q = out(reg) _, p = out(reg) _, z = out(reg) _,
-            e = inout(reg) if SHORT { -(1 << 11) } else { 0 } => _,
+            zeros = in(reg) LEADING_ZEROS.as_ptr(), inverses = in(reg) INVERSES.as_ptr(),
             options(nostack));
     }
     taking.add([sum_x, sum_y], valid);

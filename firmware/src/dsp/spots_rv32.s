@@ -3,62 +3,43 @@
     lw {d}, \i * {window} + {sum}({from})
     lw {x}, \i * {window} + {mx}({from})
     lw {y}, \i * {window} + {my}({from})
-    seqz {t}, {d}
-    add {u}, {d}, {t}
-    addi {z}, {t}, -1
-    // 2^48 / flux in `q` and `u`, of a short sum in whole steps of 2^5. What a division leaves of 2^32 is at most
-    // the divisor; its quotient makes more bits of that, short by one at most.
-    li {q}, -1
-    divu {q}, {q}, {u}
-    mul {t}, {q}, {u}
-.if {short}
-    mul {t}, {t}, {e}
-    mulhu {s}, {t}, {q}
-    mul {p}, {s}, {u}
-    sub {t}, {t}, {p}
-    sltu {t}, {t}, {u}
-    sub {s}, {s}, {t}
-    addi {s}, {s}, 1
-    slli {s}, {s}, 5
-.else
-    neg {t}, {t}
-    slli {t}, {t}, 8
-    mulhu {s}, {t}, {q}
-    mul {p}, {s}, {u}
-    sub {t}, {t}, {p}
-    sltu {p}, {t}, {u}
-    xori {p}, {p}, 1
-    add {s}, {s}, {p}
-    mul {p}, {p}, {u}
-    sub {t}, {t}, {p}
-    slli {t}, {t}, 8
-    mulhu {e}, {t}, {q}
-    mul {p}, {e}, {u}
-    sub {t}, {t}, {p}
-    sltu {t}, {t}, {u}
-    sub {e}, {e}, {t}
-    addi {e}, {e}, 1
-    slli {s}, {s}, 8
-    add {s}, {s}, {e}
-.endif
-    slli {u}, {q}, 16
-    add {u}, {u}, {s}
-    sltu {s}, {u}, {s}
-    srli {q}, {q}, 16
-    add {q}, {q}, {s}
+    // Its leading zeros but 6, in `s`: by 9 and 9 bits, and by what the highest nine of the others say.
+    srli {t}, {d}, 17
+    seqz {t}, {t}
+    sltiu {u}, {d}, 256
+    add {t}, {t}, {u}
+    slli {s}, {t}, 3
+    add {s}, {s}, {t}
+    slli {u}, {d}, 6
+    sll {u}, {u}, {s}
+    srli {t}, {u}, 23
+    add {t}, {t}, {zeros}
+    lbu {t}, 0({t})
+    seqz {z}, {d}
+    addi {z}, {z}, -1
+    sll {u}, {u}, {t}
+    add {s}, {s}, {t}
+    // Its inverse, in `p`: the chord of its cell.
+    slli {t}, {u}, 1
+    srli {t}, {t}, 20
+    andi {t}, {t}, -8
+    add {t}, {t}, {inverses}
+    lw {p}, 0({t})
+    lw {t}, 4({t})
+    slli {u}, {u}, 10
+    sll {x}, {x}, {s}
+    mulhu {t}, {t}, {u}
+    sll {y}, {y}, {s}
+    sub {p}, {p}, {t}
     // The centroid.
-    mulhsu {t}, {x}, {u}
-    mul {x}, {x}, {q}
-    mulhsu {s}, {y}, {u}
-    mul {y}, {y}, {q}
-    add {x}, {x}, {t}
+    mulh {x}, {x}, {p}
     lhu {t}, \i * {window} + {peak}({from})
-    add {y}, {y}, {s}
+    mulh {y}, {y}, {p}
     lhu {s}, \i * {window} + {peak} + 2({from})
-    addi {x}, {x}, 1
-    addi {y}, {y}, 1
-    srai {x}, {x}, 1
-    srai {y}, {y}, 1
+    addi {x}, {x}, 256
+    addi {y}, {y}, 256
+    srai {x}, {x}, 9
+    srai {y}, {y}, 9
     sw {x}, \i * {measurement}({at})
     sw {y}, \i * {measurement} + 4({at})
     sw {d}, \i * {measurement} + {flux}({at})
@@ -81,7 +62,7 @@
     // What the next moving threshold has beyond the fixed one.
     lw {p}, 8({shared})
     add {t}, {t}, {q}
-.if {short} == 0
+.if {low} == 0
     lw {u}, 4({shared})
     srli {s}, {t}, 16
     neg {s}, {s}
