@@ -272,6 +272,20 @@ fn code_of_itcm_is_copied_from_where_it_is_loaded() {
     assert!(copies.size() > 16, "{} bytes", copies.size());
 }
 
+/// cortex-m-rt copies from `__sidata` to all between `__sdata` and `__edata`.
+#[test]
+fn tables_are_copied_with_the_data() {
+    let Some(image) = image() else { return };
+    let elf = elf(image);
+    let [start, end, from] = ["__sdata", "__edata", "__sidata"].map(|name| symbol(&elf, name));
+    let (address, bytes) = section(&elf, ".tables");
+    assert!(bytes > 0 && start <= address && address + bytes <= end);
+    let segments = loaded(&elf);
+    let holds = |&&[to, _, length]: &&[u64; 3]| (to..to + length).contains(&address);
+    let [to, at, _] = segments.iter().find(holds).expect("a segment");
+    assert_eq!(at + (address - to), from + (address - start));
+}
+
 /// They have no image: were they not all zeros, the compiler would not have put them where the linker
 /// script finds them.
 #[test]
@@ -302,6 +316,9 @@ fn statics_lie_where_their_users_can_reach_them() {
         ("8geometry6QUEUES", "RAM", false),
         ("10interrupts4ROWS", "RAM", false),
         ("10interrupts6FRAMES", "RAM", false),
+        ("15splash_firmware5fixed5ROOTS", "RAM", false),
+        ("15splash_firmware7inverse8INVERSES", "RAM", false),
+        ("15splash_firmware7control8INVERSES", "RAM", false),
     ];
     for (name, memory, dma) in statics {
         let found = elf.symbols().find(|symbol| symbol.name().is_ok_and(|n| n.contains(name)));
