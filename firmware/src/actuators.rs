@@ -63,6 +63,15 @@ pub struct Drive {
 }
 
 impl Drive {
+    /// v of the highest code.
+    pub(crate) fn full(self) -> f64 {
+        let top = f64::from((1u32 << 16) - (1 << self.spare_bits));
+        match self.law {
+            Law::Linear => top * 32_768.0,
+            Law::Quadratic => top * top / 2.0,
+        }
+    }
+
     /// The height at which an actuator has `code`, ulp of piston relative to flat, to nearest: the
     /// inverse of [`codes`], off by half a code at most. Saturated to `limit`.
     pub(crate) fn height(self, response: &Response, code: u16, limit: i32) -> i32 {
@@ -100,4 +109,27 @@ pub(crate) fn code(law: Law, spare_bits: u32, response: &Response, height_ulp: i
         }
     };
     code as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of every resolution, as far beyond the codes as a configuration may be: see `Subaperture::check`.
+    #[test]
+    fn codes_stay_within_the_dac() {
+        for law in [Law::Linear, Law::Quadratic] {
+            for spare_bits in 0..=8 {
+                let highest = Drive { law, spare_bits }.full() + 24_576.0;
+                let code =
+                    |v: f64| code(law, spare_bits, &Response { offset: v as i32, slope: 0 }, 0);
+                assert_eq!(
+                    u32::from(code(highest)),
+                    (1 << (16 - spare_bits)) - 1,
+                    "{law:?} {spare_bits}"
+                );
+                assert_eq!(code(-24_576.0), 0, "{law:?} {spare_bits}");
+            }
+        }
+    }
 }

@@ -199,7 +199,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
                 if i >= self.subapertures() {
                     return Err(place(i, self.subapertures()));
                 }
-                entry.check(i)?;
+                entry.check(i, self.drive)?;
                 put(self.base_thresholds.get_mut(i), entry.base_threshold);
                 put(self.slopes.get_mut(i), entry.slope);
                 self.set_gains(i, entry.gains);

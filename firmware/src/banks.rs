@@ -397,7 +397,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         let head = self.head(&mask);
         self.set_head(&head, mask.count())?;
         for i in 0..mask.count() {
-            self.subaperture(i).map_or(Ok(()), |entry| entry.check(i))?;
+            self.subaperture(i).map_or(Ok(()), |entry| entry.check(i, self.drive))?;
             self.second_gate(i).map_or(Ok(()), |entry| entry.check(i))?;
         }
         self.settle(&mask)

@@ -435,7 +435,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
 
     pub(crate) fn load_subaperture(&mut self, entry: Subaperture) -> Result<(), ConfigError> {
         let i = self.slopes.len();
-        entry.check(i)?;
+        entry.check(i, self.drive)?;
         let Subaperture { base_threshold, slope, gains, colour, segment, responses } = entry;
         let _ = self.base_thresholds.push(base_threshold);
         let _ = self.slopes.push(slope);
@@ -486,8 +486,8 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
 }
 
 impl Subaperture {
-    /// Refuses what breaks the bounds of the frame path, for subaperture `i`.
-    pub(crate) fn check(&self, i: usize) -> Result<(), ConfigError> {
+    /// Refuses what breaks the bounds of the frame path, for subaperture `i` of a mirror with this `drive`.
+    pub(crate) fn check(&self, i: usize, drive: Drive) -> Result<(), ConfigError> {
         let check = |field, value: f64, limit| ConfigError::check(field, Some(i), value, limit);
         let Self { slope, gains, segment, responses, .. } = self;
         check_slope(slope, i, Field::ReferenceSlope, Field::FluxMin)?;
@@ -498,8 +498,9 @@ impl Subaperture {
         for (a, response) in responses.iter().enumerate() {
             let ends = [&segment.lowest, &segment.highest].map(|ends| ends.get(a));
             for height in ends.into_iter().flatten() {
-                // The code's scale is 31 bits; half an LSB of a code below it is rounding.
-                let limit = (-32_768.0, f64::from(i32::MAX));
+                // Half an LSB of a code, 2^14, is rounding of a limit, and half as much again that of the line. The
+                // code after the highest, which would be taken for 0, begins at 2^15.
+                let limit = (-24_576.0, drive.full() + 24_576.0);
                 check(Field::Response, response.value(*height) as f64, limit)?;
             }
         }

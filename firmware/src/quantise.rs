@@ -3,7 +3,7 @@
 //! Floats end here. Every conversion uses only +, -, x, /, rounding and `libm`, in one order, so
 //! that a board that builds its own configuration gets the integers that a PC gets.
 
-use crate::actuators::{Law, Response, SLOPE_BITS};
+use crate::actuators::{Drive, Response, SLOPE_BITS};
 use crate::centroid::EstimatorConfig;
 use crate::control::{GAIN_BITS, Gains};
 use crate::error::{ConfigError, Field, Limit};
@@ -539,11 +539,7 @@ impl<'a> Quantiser<'a> {
         ConfigError::check(Field::DacBits, None, bits, (8.0, 16.0))?;
         // Codes with fewer bits have a fraction, up to 16 bits in all.
         let spare = 16u32.saturating_sub(u32::from(actuators.dac_bits));
-        let top = power(16) - power(spare);
-        let full_v = match actuators.law {
-            Law::Linear => top * power(15),
-            Law::Quadratic => top * top / 2.0,
-        };
+        let full_v = Drive { law: actuators.law, spare_bits: spare }.full();
         let ends = actuators.response_m.get(i).unwrap_or([[f64::NAN; 2]; ACTUATORS]);
         let mut responses = [Response { offset: 0, slope: 0 }; ACTUATORS];
         let heights = self.heights(i)?;

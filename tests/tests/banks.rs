@@ -405,6 +405,11 @@ fn adjustments_out_of_their_limits_change_nothing() {
         (with_entry(&|e| e.segment.lowest[2] = 1), Field::HeightLimits),
         // The whole range above the flat map, and as much again: codes beyond the DAC's.
         (with_entry(&|e| e.segment.highest[0] = 1 << 26), Field::Response),
+        // A value that 31 bits hold, and the highest code does not.
+        (
+            with_entry(&|e| (e.responses[0].offset, e.responses[0].slope) = (i32::MAX, 0)),
+            Field::Response,
+        ),
         (Adjustment::Floors { first: 60, values: [4095, 4096].into_iter().collect() }, Field::Dark),
     ];
     for (adjustment, expected) in values {
