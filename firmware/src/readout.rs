@@ -567,12 +567,15 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         while start < end {
             let some = [start, end.min(start.wrapping_add(BATCH))];
             #[cfg(target_arch = "riscv32")]
-            if match config.low_thresholds {
-                true => self.take_spots::<true, P, K>(config, some, sink),
-                false => self.take_spots::<false, P, K>(config, some, sink),
-            } {
-                [_, start] = some;
-                continue;
+            {
+                let taken = match config.low_thresholds {
+                    true => self.take_spots::<true, P, K>(config, some, sink),
+                    false => self.take_spots::<false, P, K>(config, some, sink),
+                };
+                if taken {
+                    [_, start] = some;
+                    continue;
+                }
             }
             match config.estimator {
                 EstimatorConfig::Weighted { gain, .. } => {
@@ -681,7 +684,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         }
     }
 
-    /// Takes measurements made elsewhere in place of a frame's rows; centroids saturate.
+    /// Takes measurements made elsewhere in place of a frame's rows; centroids and peaks saturate.
     pub(crate) fn supply<const P: usize, const K: usize>(
         &mut self,
         config: &Config<M, P, B, K>,
@@ -696,7 +699,12 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         };
         for (place, &new) in new.iter_mut().zip(measurements) {
             let bound = |c: i32| c.clamp(-CENTROID_LIMIT, CENTROID_LIMIT);
-            *place = Measurement { centroid_q16: new.centroid_q16.map(bound), ..new };
+            *place = Measurement {
+                centroid_q16: new.centroid_q16.map(bound),
+                // The next frame's thresholds come from it, and pixels have no more.
+                peak: new.peak.min(config.bank.top),
+                ..new
+            };
         }
         let count = config.slots.len();
         for first in (0..count).step_by(BATCH) {
