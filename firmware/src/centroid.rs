@@ -153,7 +153,7 @@ impl WeightedMoments {
     #[inline]
     pub(crate) fn narrow(&self) -> Moments {
         let excess = (u64::BITS - SUM_BITS).saturating_sub(self.sum.leading_zeros());
-        // |Mx| <= 31 I < 2^31.
+        // |Mx| <= 31 (I + 1) < 2^31, with what the shift takes off I.
         let [x, y] = [self.x, self.y].map(|m| (m >> excess) as i32);
         Moments { sum: (self.sum >> excess) as u32, x, y }
     }

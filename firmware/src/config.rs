@@ -56,7 +56,7 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) height: u16,
     /// Bits of a raw pixel.
     pub(crate) bits: u8,
-    /// Whether no signal and fixed threshold come to more than 16 bits.
+    /// Whether no signal, of raw values up to the highest, and fixed threshold come to more than 16 bits.
     pub(crate) low_thresholds: bool,
     pub(crate) window: usize,
     /// Windows in readout order: by first row, then first column.

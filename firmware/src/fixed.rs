@@ -145,8 +145,8 @@ pub(crate) const RISE_BITS: u32 = 12;
 pub(crate) static ROOTS: [u32; ROOT_CELLS] =
     roots(if cfg!(target_arch = "riscv32") { FIRST_CELL } else { 0 });
 
-/// The first cell for [`crate::dsp::codes`], which has roots of 0 to 6 in it, each less than two quarters of it
-/// below the next; all others leave it alone but for the root of 0.
+/// The first cell for [`crate::dsp::codes`], which finds v of 0 to 3 in it, a quarter each: a line that is 1 or less
+/// below the roots of 0, 2, 4 and 6. [`square_root`] has only 0 in it.
 pub(crate) const FIRST_CELL: u32 = (1 << 26) - (1 << 22) - 1;
 
 pub(crate) const fn roots(first: u32) -> [u32; ROOT_CELLS] {

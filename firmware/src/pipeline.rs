@@ -162,7 +162,7 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
     ///
     /// The configuration may have been exchanged since the last frame for one that
     /// [continues](Config::continues) it; for any other call [`Pipeline::reset`] first. (Another number of
-    /// subapertures is seen and starts from the flat mirror.)
+    /// subapertures is seen and starts from the flat mirror.) From here to the end of the frame it stays the same.
     ///
     /// Every exposure must be begun, since the mirror's past is counted in frames: one whose rows
     /// never came is begun and finished without them.

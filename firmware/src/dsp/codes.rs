@@ -119,6 +119,7 @@ mod tests {
             }
         }
     }
+
     #[test]
     fn a_short_product_is_the_upper_half_of_one() {
         let mut x = 1u32;

@@ -1,5 +1,5 @@
-//! The relaxation of [`crate::sor`] in RISC-V's own instructions for pupils of 8 and of 16 subapertures across: four
-//! rows at a time.
+//! The relaxation of [`crate::sor`] in RISC-V's own instructions for pupils of 7, 8, 15 and 16 subapertures across:
+//! four rows at a time. An odd number has a row of padding more.
 //!
 //! Of one colour a row's nodes and the next one's stand in a zigzag, whose sides they share:
 //!
@@ -22,7 +22,8 @@ use crate::sor::{Coupling, ROOM, Totals, Unknown};
 use core::arch::asm;
 
 /// Relaxes the nodes of one colour after the other, `sweeps` times, and tells the sums over the black ones, which
-/// are final with the last step; `None`, with nothing done, where pupil or halves have another size.
+/// are final with the last step; `None`, with nothing done, where pupil or halves have another size or there are no
+/// sweeps.
 ///
 /// Not inlined: it is large.
 #[inline(never)]

@@ -1,4 +1,5 @@
-// On the stack: the nodes, the unknowns, the commands, where what the mirror shows is recorded, the mean, how
+// On the stack: the nodes, the unknowns, the commands, where what the mirror shows is recorded, twice the mean less
+// the pistons' room, how
 // many places there are, the ratios' half and bits, and the end of the segments.
     push {{r6, r7}}
     sub sp, #40

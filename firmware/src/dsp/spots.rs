@@ -46,6 +46,10 @@ const _: () = assert!(
         && TILT_LIMIT.trailing_zeros() >= 12
         && size_of::<Cell>() == 8
         && offset_of!(Cell, start) == 0
+        // Two gains are read at once, and two lanes.
+        && offset_of!(SlopeCalibration, gain).is_multiple_of(4)
+        && align_of::<SlopeCalibration>() == 4
+        && size_of::<Seen>() == 8
         && SPARE_BITS == 6
 );
 

@@ -30,6 +30,7 @@ const _: () = assert!(
     (offset_of!(Window, seen) + offset_of!(Seen, peak)).is_multiple_of(4)
         && (offset_of!(Window, seen) + offset_of!(Seen, saturated)).is_multiple_of(4)
         && align_of::<Window>() == 4
+        && size_of::<Seen>() == 8
 );
 
 /// Takes windows from the first on, of a block that starts with row `row`, and tells how many: less than all only

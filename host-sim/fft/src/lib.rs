@@ -1,7 +1,7 @@
 //! Plans of discrete Fourier transforms.
 //!
 //! The transforms of `rustfft` are generic over the number: each crate that plans one compiles all of
-//! them, which of the simulator were a fifth. Here they are compiled once.
+//! them. They were a fifth of the simulator's code; here they are compiled once.
 
 use rustfft::FftPlanner;
 use std::sync::Arc;
