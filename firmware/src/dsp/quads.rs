@@ -95,6 +95,24 @@ const fn back(stride: usize, red: bool) -> isize {
     if red { -half - 1 } else { half }
 }
 
+/// All rows, by a step with registers of its own, and what is to be undone of its macros.
+///
+/// Safe where the pointers of `$rows` are those of halves with all places of the padded grid, `own` for writes: each of
+/// four rows is one of the grid's, as many as it has, and their sides are in rows of the padded grid. The instructions
+/// write `own` and registers that are given here.
+macro_rules! run {
+    ($rows:expr, $stride:expr, $red:expr, $step:expr, $behind:expr, $($registers:tt)*) => {
+        asm!(concat!(include_str!("limit_rv32.s"), $step, include_str!("quads_rv32.s"), ".purgem limit\n", $behind),
+            stride = const $stride, out = const out($stride, $red), back = const back($stride, $red),
+            own = inout(reg) $rows.own => _, other = inout(reg) $rows.other => _,
+            each = inout(reg) $rows.each => _, end = in(reg) $rows.end, room = in(reg) ROOM,
+            a0 = out(reg) _, a1 = out(reg) _, a2 = out(reg) _, a3 = out(reg) _,
+            b0 = out(reg) _, b1 = out(reg) _, b2 = out(reg) _, b3 = out(reg) _,
+            k = out(reg) _, l = out(reg) _, p = out(reg) _, rhs = out(reg) _,
+            shared = out(reg) _, x = out(reg) _, y = out(reg) _, $($registers)* options(nostack))
+    };
+}
+
 impl Rows {
     #[inline(always)]
     const fn new<const STRIDE: usize, const RED: bool>(
@@ -120,19 +138,8 @@ impl Rows {
     #[allow(unsafe_code)]
     #[inline(always)]
     unsafe fn relax<const STRIDE: usize, const RED: bool>(self) {
-        // SAFETY: each of four rows is one of the grid's, as many as it has, and their sides are in rows of the
-        // padded grid. The instructions write `own` and registers that are given here.
-        unsafe {
-            asm!(concat!(include_str!("quads_step_rv32.s"), include_str!("quads_rv32.s")),
-                stride = const STRIDE,
-                out = const out(STRIDE, RED), back = const back(STRIDE, RED),
-                own = inout(reg) self.own => _, other = inout(reg) self.other => _,
-                each = inout(reg) self.each => _, end = in(reg) self.end, room = in(reg) ROOM,
-                a0 = out(reg) _, a1 = out(reg) _, a2 = out(reg) _, a3 = out(reg) _,
-                b0 = out(reg) _, b1 = out(reg) _, b2 = out(reg) _, b3 = out(reg) _,
-                k = out(reg) _, l = out(reg) _, p = out(reg) _, rhs = out(reg) _,
-                shared = out(reg) _, x = out(reg) _, y = out(reg) _, options(nostack));
-        }
+        // SAFETY: what the caller has to see to is what `run` asks for.
+        unsafe { run!(self, STRIDE, RED, include_str!("quads_step_rv32.s"), "",) }
     }
 
     /// The same of black nodes, for the last time, and their sums.
@@ -143,20 +150,12 @@ impl Rows {
     #[inline(always)]
     unsafe fn relax_last<const STRIDE: usize>(self) -> Totals {
         let (mut squares_low, mut squares_high, mut low, mut high) = (0, 0, 0, 0);
-        // SAFETY: as above.
+        // SAFETY: what the caller has to see to is what `run` asks for.
         unsafe {
-            asm!(concat!(include_str!("total_rv32.s"), include_str!("quads_last_step_rv32.s"),
-                    include_str!("quads_rv32.s")), ".purgem total",
-                stride = const STRIDE,
-                out = const out(STRIDE, false), back = const back(STRIDE, false),
-                own = inout(reg) self.own => _, other = inout(reg) self.other => _,
-                each = inout(reg) self.each => _, end = in(reg) self.end, room = in(reg) ROOM,
-                a0 = out(reg) _, a1 = out(reg) _, a2 = out(reg) _, a3 = out(reg) _,
-                b0 = out(reg) _, b1 = out(reg) _, b2 = out(reg) _, b3 = out(reg) _,
-                k = out(reg) _, l = out(reg) _, p = out(reg) _, q = out(reg) _, rhs = out(reg) _,
-                shared = out(reg) _, x = out(reg) _, y = out(reg) _,
-                squares_low = inout(reg) squares_low, squares_high = inout(reg) squares_high,
-                low = inout(reg) low, high = inout(reg) high, options(nostack));
+            run!(self, STRIDE, false,
+                concat!(include_str!("total_rv32.s"), include_str!("quads_last_step_rv32.s")), ".purgem total",
+                q = out(reg) _, squares_low = inout(reg) squares_low,
+                squares_high = inout(reg) squares_high, low = inout(reg) low, high = inout(reg) high,);
         }
         totals::together([squares_low, squares_high], [low, high])
     }

@@ -1,22 +1,9 @@
 // The last step of a node, `at` places from the first one, around which is `x`, and its part of the sums.
 .macro step at, k
-    lw {p}, 8 * (\at)({own})
-    lw {rhs}, 8 * (\at) + 4({own})
-    andi {y}, \k, 7
-    mul {y}, {y}, {p}
-    sub {x}, {x}, {y}
-    slli {x}, {x}, 2
-    add {x}, {x}, {rhs}
+    residual \at, \k
     mulh {q}, {x}, \k
     add {q}, {p}, {q}
-    // The upper limit, the lower one, and rounding.
-    srai {y}, {q}, 31
-    and {q}, {q}, {y}
-    add {rhs}, {q}, {room}
-    srai {y}, {rhs}, 31
-    and {rhs}, {rhs}, {y}
-    sub {q}, {q}, {rhs}
-    ori {q}, {q}, 1
+    limit {q}, {rhs}, {y}
     sw {q}, 8 * (\at)({own})
     // 8 r of the new piston: less by its degree times what it has moved.
     sub {p}, {q}, {p}

@@ -1,3 +1,13 @@
+// 8 r, in `x`, of a node `at` places from the first one, around which `x` is before; its piston in `p`.
+.macro residual at, k
+    lw {p}, 8 * (\at)({own})
+    lw {rhs}, 8 * (\at) + 4({own})
+    andi {y}, \k, 7
+    mul {y}, {y}, {p}
+    sub {x}, {x}, {y}
+    slli {x}, {x}, 2
+    add {x}, {x}, {rhs}
+.endm
 // A node of each row, `i` columns from where the pointers are, with `w0` to `w3` in their wests; `e0` to `e3`
 // become the next ones' wests. Loads stand apart from what needs them.
 .macro column i, w0, w1, w2, w3, e0, e1, e2, e3
@@ -58,3 +68,4 @@
 .purgem columns
 .purgem column
 .purgem step
+.purgem residual

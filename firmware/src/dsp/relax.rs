@@ -128,8 +128,9 @@ impl Line {
             };
         }
         #[cfg(target_arch = "riscv32")]
-        run!(concat!(include_str!("residual_rv32.s"), include_str!("relax_rv32.s"),
-                include_str!("long_turns_rv32.s"), ".purgem residual"), room = in(reg) ROOM, k = out(reg) _, rhs = out(reg) _,);
+        run!(concat!(include_str!("residual_rv32.s"), include_str!("limit_rv32.s"), include_str!("relax_rv32.s"),
+                include_str!("sides_rv32.s"), include_str!("long_turns_rv32.s"),
+                ".purgem residual\n.purgem limit"), room = in(reg) ROOM, k = out(reg) _, rhs = out(reg) _,);
         #[cfg(armv7em)]
         run!(include_str!("relax_armv7em.s"), room = const ROOM, out("r0") _,);
     }

@@ -29,7 +29,8 @@ pub(crate) fn totals<const M: usize>(
     // registers that are given here.
     unsafe {
         asm!(concat!(include_str!("residual_rv32.s"), include_str!("total_rv32.s"),
-                include_str!("totals_rv32.s"), include_str!("long_turns_rv32.s")),
+                include_str!("totals_rv32.s"), include_str!("sides_rv32.s"),
+                include_str!("long_turns_rv32.s")),
             ".purgem total", ".purgem residual",
             own = inout(reg) own => _, east = inout(reg) east => _,
             north = inout(reg) north => _, south = inout(reg) south => _,
