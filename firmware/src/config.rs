@@ -347,9 +347,11 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         let sor = &mut self.sor;
         sor.grid = grid;
         sor.couplings.fill(Coupling::NONE);
+        sor.surplus = 0;
         self.nodes.clear();
         for (x, y) in mask.cells() {
             let place = Place::new::<M>(grid.node(x, y));
+            sor.surplus += if place.is_black::<M>() { -1 } else { 1 };
             let centre = [x, y].map(|i| (2 * i as i32 - (mask.across() as i32 - 1)) as i8);
             let _ = self.nodes.push(Node { place, component: u16::MAX, centre });
             let west = x > 0 && mask.contains(x - 1, y);
@@ -378,11 +380,11 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         sor.warm_sweeps = sweeps;
         self.schedule.share(sweeps);
         sor.cold_sweeps = spec.cold_sweeps.unwrap_or(COLD.saturating_mul(sweeps));
+        // omega is 1 to 1.99.
+        sor.overshoot_q32 = libm::round((self.omega - 1.0) * f64::from(1u32 << 31) * 2.0) as u32;
         for node in &self.nodes {
             if let Some(coupling) = sor.couplings.get_mut(node.place) {
-                let step = self.omega / f64::from(coupling.degree().max(1));
-                // omega < 2 keeps Q30 inside i32; the cast saturates.
-                *coupling = coupling.with_step(libm::round(step * f64::from(1 << 30)) as i32);
+                *coupling = coupling.with_overshoot(sor.overshoot_q32);
             }
         }
     }

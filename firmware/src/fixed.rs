@@ -16,10 +16,10 @@ pub const LENGTH_BITS: u32 = 9;
 /// Largest magnitude of a tip or tilt, ulp: 2^14 LSB centre to edge, half the stroke over a segment.
 pub const TILT_LIMIT: i32 = 1 << 23;
 
-/// Largest magnitude of a piston inside the solver, ulp: 49152 LSB, three times what a stroke shows
-/// either side of its middle.
+/// Largest magnitude of a piston, ulp: 49152 LSB, half as much again as a stroke shows either side of its
+/// middle.
 ///
-/// With this bound and [`TILT_LIMIT`] the solver's residual stays below 2^28 (see `sor`).
+/// With this bound and [`TILT_LIMIT`] no sum of the solver leaves 32 bits (see `sor`).
 pub const PISTON_LIMIT: i32 = 3 << 23;
 
 /// `x / 2^n`, rounded; `1 <= n <= 62`. The caller keeps `|x| < 2^62`.
@@ -95,6 +95,12 @@ pub const fn mul_high(a: i32, b: i32) -> i32 {
     ((a as i64 * b as i64) >> 32) as i32
 }
 
+/// The upper half of `a * b`, which may be any: MULHSU on RISC-V.
+#[inline(always)]
+pub const fn mul_high_unsigned(a: i32, b: u32) -> i32 {
+    ((a as i64 * b as i64) >> 32) as i32
+}
+
 /// `a * b / 2^16`, rounded down: SMULW on a Cortex-M7, MULH on RISC-V.
 #[inline(always)]
 pub const fn mul_short(a: i16, b: i32) -> i32 {
@@ -103,15 +109,6 @@ pub const fn mul_short(a: i16, b: i32) -> i32 {
     } else {
         ((a as i64 * b as i64) >> 16) as i32
     }
-}
-
-/// `k * r` with `k` in Q30 and `|r| < 2^28`, rounded: one signed multiply-high.
-///
-/// `r` is shifted to the top of its word first, so that the product's upper half is twice the answer,
-/// rounded down: SMMUL on a Cortex-M7, MULH on RISC-V. Halving that rounds as if nothing had been lost.
-#[inline(always)]
-pub const fn mul_q30(k: i32, r: i32) -> i32 {
-    mul_high(k, r.wrapping_shl(3)).wrapping_add(1) >> 1
 }
 
 /// `min(floor(2^16 num / den), 2^16)` for `den <= 2^22`; a zero denominator gives one.
@@ -269,16 +266,15 @@ mod tests {
     }
 
     #[test]
-    fn multiply_high_rounds_to_nearest() {
+    fn an_unsigned_factor_may_have_its_top_bit() {
         let mut x = 1u32;
         for _ in 0..100_000 {
             x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            let k = (x >> 1) as i32;
-            let r = (x.rotate_left(9) as i32) >> 3;
-            let exact = f64::from(k) * f64::from(r) / f64::from(1 << 30);
-            assert!((f64::from(mul_q30(k, r)) - exact).abs() <= 0.5 + 1e-6);
+            let (a, b) = (x.rotate_left(9) as i32, x);
+            let exact = (i128::from(a) * i128::from(b)).div_euclid(1 << 32);
+            assert_eq!(i128::from(mul_high_unsigned(a, b)), exact);
         }
-        assert_eq!(mul_q30(1 << 29, 1), 1, "a tie goes up");
-        assert_eq!(mul_q30(1 << 29, -1), 0, "a tie goes up");
+        assert_eq!(mul_high_unsigned(-1, 1), -1, "rounded down");
+        assert_eq!(mul_high_unsigned(i32::MIN, u32::MAX), i32::MIN, "the largest");
     }
 }

@@ -15,7 +15,9 @@
 use crate::geometry::Grid;
 
 /// The colours.
-pub(crate) const COLOURS: [usize; 2] = [0, 1];
+pub(crate) const COLOURS: [usize; 2] = [RED, 1];
+/// The one that is updated first.
+pub(crate) const RED: usize = 0;
 
 /// One value a padded node; zero where there is no subaperture.
 #[derive(Debug)]
@@ -32,6 +34,13 @@ impl Place {
     pub const fn new<const M: usize>(padded: usize) -> Self {
         // Below 2 x 1600.
         Self((padded / 2 + padded % 2 * M) as u16)
+    }
+
+    /// Whether it is one of a black node, in fields of capacity `M`.
+    #[must_use]
+    #[inline(always)]
+    pub(crate) const fn is_black<const M: usize>(self) -> bool {
+        self.0 as usize >= M
     }
 
     /// The padded node, in fields of capacity `M`: even if red, odd if black.
@@ -133,16 +142,6 @@ impl<T: Copy + Default, const M: usize> RedBlack<T, M> {
     #[inline(always)]
     pub fn get_mut(&mut self, place: Place) -> Option<&mut T> {
         self.0.as_flattened_mut().get_mut(usize::from(place.0))
-    }
-
-    /// The values of all nodes, in the order of places.
-    pub(crate) fn all(&self) -> impl Iterator<Item = &T> {
-        self.0.as_flattened().iter()
-    }
-
-    /// The same, to write.
-    pub(crate) fn all_mut(&mut self) -> impl Iterator<Item = &mut T> {
-        self.0.as_flattened_mut().iter_mut()
     }
 
     /// One colour's half.

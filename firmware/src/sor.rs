@@ -16,11 +16,31 @@
 //! bipartite, so that this has the optimal omega of lexicographic order and no order of its own
 //! within a colour.
 //!
-//! **Scaling and overflow.** Everything is i32 in ulp, and in the solver half an ulp. |X|, |Y| <= 2^23 and
-//! each of four edges has two of them, hence |b| <= 2^25; |p| <= 3 x 2^23, hence each of four p_j - p is
-//! within 3 x 2^24 and |r| <= 2^25 + 3 x 2^26 = 7 x 2^25 < 2^28. The step is one multiply-high of 8 r,
-//! twice the step rounded down, and is rounded to nearest as it is added (`Unknown`); p is then saturated
-//! to +-3 x 2^23. Rounding to nearest leaves at most 0.56 LSB of error, limit cycles included, at N = 40.
+//! Written with the mean over the neighbours in place of the residual, a step has one sum less:
+//!
+//! ```text
+//! p_i <- (omega / degree_i) (b_i + sum_j p_j) - (omega - 1) p_i
+//! ```
+//!
+//! **Limits.** A red piston is kept from falling below -P, a black one from rising above P
+//! ([`PISTON_LIMIT`]), each by what takes two instructions, and that bounds both on both sides: with each of
+//! four differences of an edge within +-2^24 ulp, so that |b_i| / degree_i <= 2^24, and no black neighbour
+//! above P, a red piston that is not below -P goes to omega (P + 2^24) + (omega - 1) P at most; black ones
+//! mirror that. Both limits hold for all at the end of a frame, when the mean is off.
+//!
+//! **Scaling and overflow.** Everything is i32, in halves of an ulp. A red node has u = 2 (p + P), a black one
+//! u = 2 (p - P), so that the limits are at 0, and where there is no node it is the other end of the room
+//! R = 4 P. Then for both
+//!
+//! ```text
+//! u_i <- (omega / degree_i) (2 b_i + sum_j u_j +- 4 R) - (omega - 1) u_i       + red, - black
+//! ```
+//!
+//! over all four sides. |X|, |Y| <= 2^23 ulp and each edge has two of them, hence |2 b| / degree <= 2^25 and
+//! |u| <= omega (R + 2^25) = omega 2^27 < 2^28. The bracket is within 4 (R + 2^25) = 2^29 one way and
+//! 4 (2^28 + 2^25 - R) < 2^29.6 the other, and twice that fits: its step is a Q31 number below 2, unsigned,
+//! and the last factor Q32. Both products are rounded down, and one is taken from the other: together within
+//! half an ulp and even on average. That leaves at most 0.56 LSB of error, limit cycles included, at N = 40.
 //!
 //! The right-hand side is absolute (the whole tip/tilt command, not its change) and the solver
 //! starts from the last frame's pistons. Then a fixed number of sweeps, ceil(N/2) on a circle and
@@ -35,7 +55,7 @@ use crate::fixed::{self, PISTON_LIMIT};
 use crate::geometry::Grid;
 #[cfg(any(target_arch = "riscv32", armv7em))]
 use crate::redblack::Offsets;
-use crate::redblack::{COLOURS, Place, RedBlack};
+use crate::redblack::{COLOURS, Place, RED, RedBlack};
 
 /// What a relaxation step needs of the pupil.
 #[derive(Debug)]
@@ -44,6 +64,10 @@ pub struct SorConfig<const M: usize> {
     pub(crate) grid: Grid,
     /// Steps and neighbourhoods.
     pub(crate) couplings: RedBlack<Coupling, M>,
+    /// omega - 1, Q32.
+    pub(crate) overshoot_q32: u32,
+    /// Red nodes less black ones.
+    pub(crate) surplus: i32,
     /// Sweeps of a warm frame.
     pub(crate) warm_sweeps: u16,
     /// Sweeps of the first frame after a reset.
@@ -52,22 +76,20 @@ pub struct SorConfig<const M: usize> {
     pub(crate) sizes: heapless::Vec<u16, M>,
 }
 
-/// A node's step omega / degree in Q30, with its neighbourhood in the lowest byte: degree in bits 0-2,
-/// n_w - n_e in bits 3-4 and n_n - n_s in bits 5-6, both signed, and whether there is a subaperture in
-/// bit 7.
-///
-/// The byte is left in where the step is multiplied by: it changes it by less than 2^-22, and the point
-/// where the relaxation comes to rest not at all.
+/// A node's step, and its neighbourhood; nothing of both where there is no node.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(transparent)]
-pub struct Coupling(i32);
-
-/// Bits of a coupling that hold its neighbourhood.
-const NEIGHBOURHOOD: i32 = 0xff;
+#[repr(C)]
+pub struct Coupling {
+    /// omega / degree, Q31: below 2. 0 without neighbours: nothing moves such a node.
+    pub(crate) step_q31: u32,
+    /// Degree in bits 0-2, n_w - n_e in bits 3-4 and n_n - n_s in bits 5-6, both signed, and whether there is
+    /// a subaperture in bit 7.
+    neighbourhood: i32,
+}
 
 impl Coupling {
     /// A place without a node.
-    pub(crate) const NONE: Self = Self(0);
+    pub(crate) const NONE: Self = Self { step_q31: 0, neighbourhood: 0 };
 
     /// A node that does not relax yet, from the presence of its neighbours to the west, east, north
     /// and south.
@@ -75,67 +97,86 @@ impl Coupling {
         let degree = west as i32 + east as i32 + north as i32 + south as i32;
         let dx = (west as i32 - east as i32) & 3;
         let dy = (north as i32 - south as i32) & 3;
-        Self(degree | dx << 3 | dy << 5 | 1 << 7)
+        Self { step_q31: 0, neighbourhood: degree | dx << 3 | dy << 5 | 1 << 7 }
     }
 
-    /// The same node with another step, Q30 in 0 ..= 2^31 - 1; one without neighbours takes none.
-    pub(crate) const fn with_step(self, step_q30: i32) -> Self {
-        let step = if self.degree() == 0 { 0 } else { step_q30 };
-        Self((step & !NEIGHBOURHOOD) | (self.0 & NEIGHBOURHOOD))
+    /// The same node with the step that omega - 1, Q32, gives it, rounded. Its product with the degree has to
+    /// be omega to the last bits: a step of the bracket of [the module](self) and one of u rest against each
+    /// other.
+    pub(crate) const fn with_overshoot(self, overshoot_q32: u32) -> Self {
+        let omega_q32 = (1u64 << 32) + overshoot_q32 as u64;
+        let step_q31 = match self.degree() as u64 {
+            0 => 0,
+            // Below 2^32: overshoots are.
+            degree => ((omega_q32 + degree) / (2 * degree)) as u32,
+        };
+        Self { step_q31, ..self }
     }
 
     #[inline(always)]
     pub(crate) const fn present(self) -> bool {
-        self.0 != 0
+        self.neighbourhood != 0
     }
 
     #[inline(always)]
     pub(crate) const fn degree(self) -> i32 {
-        self.0 & 7
+        self.neighbourhood & 7
     }
 
-    /// What residuals are multiplied by: the step, with the lowest byte left in.
-    #[cfg(test)]
-    pub(crate) const fn multiplier(self) -> i32 {
-        self.0
-    }
-
-    /// A step of a node that is there.
+    /// A step of a node that has neighbours.
     #[cfg(not(any(target_arch = "riscv32", armv7em)))]
     #[inline(always)]
-    pub(crate) fn relax(self, own: &mut Unknown, sides: [Unknown; 4]) {
-        // Twice the step, rounded down: |8 r| < 2^31.
-        own.go(fixed::mul_high(self.0, self.residual(*own, sides)));
+    pub(crate) fn relax(self, own: &mut Unknown, sides: [Unknown; 4], colour: usize, overshoot_q32: u32) {
+        let bracket = own.rhs.wrapping_add(around(sides) << 1);
+        let to = fixed::mul_high_unsigned(bracket, self.step_q31);
+        let moved = to.wrapping_sub(fixed::mul_high_unsigned(own.doubled, overshoot_q32));
+        own.doubled = if colour == RED { fixed::positive(moved) } else { fixed::negative(moved) };
     }
 
-    /// 8 r = 8 (b + sum of the neighbours - degree p).
+    /// 2 r = 2 (b + sum of the neighbours - degree p): within 2^29.6 and 4 x 2^28.
     #[cfg(not(any(target_arch = "riscv32", armv7em)))]
     #[inline(always)]
-    fn residual(self, own: Unknown, [w, e, n, s]: [Unknown; 4]) -> i32 {
-        let around =
-            w.doubled.wrapping_add(e.doubled).wrapping_add(n.doubled.wrapping_add(s.doubled));
-        let differences = around.wrapping_sub(own.doubled.wrapping_mul(self.degree()));
-        own.rhs.wrapping_add(differences << 2)
+    fn residual(self, own: Unknown, sides: [Unknown; 4]) -> i32 {
+        let bracket = (own.rhs >> 1).wrapping_add(around(sides));
+        bracket.wrapping_sub(own.doubled.wrapping_mul(self.degree()))
     }
 
-    /// 8 b of a node that is there, from tip and tilt of it and its neighbours.
+    /// What [`Unknown::rhs`] has of a node that is there, from tip and tilt of it and its neighbours.
     #[cfg(not(any(target_arch = "riscv32", armv7em)))]
     #[inline(always)]
-    fn edges(self, [x, y]: [i32; 2], [[xw, _], [xe, _], [_, yn], [_, ys]]: [[i32; 2]; 4]) -> i32 {
-        let (dx, dy) = (self.0 << 27 >> 30, self.0 << 25 >> 30);
+    fn edges(
+        self,
+        [x, y]: [i32; 2],
+        [[xw, _], [xe, _], [_, yn], [_, ys]]: [[i32; 2]; 4],
+        colour: usize,
+    ) -> i32 {
+        let (dx, dy) = (self.neighbourhood << 27 >> 30, self.neighbourhood << 25 >> 30);
         let across = xw.wrapping_sub(xe).wrapping_add(x.wrapping_mul(dx));
         let down = yn.wrapping_sub(ys).wrapping_add(y.wrapping_mul(dy));
-        across.wrapping_add(down) << 3
+        (across.wrapping_add(down) << 2).wrapping_add(offset(colour))
     }
 
     /// Adds a node that is there to the sums.
     #[cfg(not(any(target_arch = "riscv32", armv7em)))]
     #[inline(always)]
     fn total(self, own: Unknown, sides: [Unknown; 4], totals: &mut Totals) {
-        let r = i64::from(self.residual(own, sides) >> 6);
+        let r = i64::from(self.residual(own, sides) >> 4);
         totals.residual_squared = totals.residual_squared.wrapping_add(r.wrapping_mul(r) as u64);
         totals.doubled = totals.doubled.wrapping_add(own.doubled.into());
     }
+}
+
+/// The sum of u over the sides.
+#[cfg(not(any(target_arch = "riscv32", armv7em)))]
+#[inline(always)]
+fn around([w, e, n, s]: [Unknown; 4]) -> i32 {
+    w.doubled.wrapping_add(e.doubled).wrapping_add(n.doubled.wrapping_add(s.doubled))
+}
+
+/// What right-hand sides of a colour have beside 4 b: 8 R, less for black nodes.
+#[inline(always)]
+pub(crate) const fn offset(colour: usize) -> i32 {
+    if colour == RED { 8 * ROOM } else { -8 * ROOM }
 }
 
 /// Where a subaperture is in the solver.
@@ -154,6 +195,8 @@ impl<const M: usize> SorConfig<M> {
     pub(crate) const EMPTY: Self = Self {
         grid: Grid { stride: 0, nodes: 0 },
         couplings: RedBlack::new(Coupling::NONE),
+        overshoot_q32: 0,
+        surplus: 0,
         warm_sweeps: 0,
         cold_sweeps: 0,
         sizes: heapless::Vec::new(),
@@ -164,38 +207,50 @@ impl<const M: usize> SorConfig<M> {
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 pub(crate) struct Unknown {
-    /// 2 (p - [`PISTON_LIMIT`]) + 1, 1 at most; 0 where there is no node. A residual has as many p_j as
-    /// -p_i, from which constants go. With its upper end at 0 a mask limits it, and half an ulp up, a
-    /// step in halves of an ulp is rounded by setting its last bit.
+    /// u of [the module](self): 2 (p + P) of a red node, 2 (p - P) of a black one; see [`Unknown::absent`].
     pub(crate) doubled: i32,
-    /// 8 b.
+    /// 4 b + 8 R of a red node, 4 b - 8 R of a black one.
     pub(crate) rhs: i32,
 }
 
-/// From the piston's lower limit to its upper one, doubled.
+/// R: from the piston's lower limit to its upper one, doubled.
 pub(crate) const ROOM: i32 = 4 * PISTON_LIMIT;
 
 impl Unknown {
-    /// Moves the piston by `halves` of an ulp, below 2^30, rounded to nearest with ties up, within its
-    /// limits.
-    #[inline(always)]
-    fn go(&mut self, halves: i32) {
-        let up = fixed::positive(self.doubled.wrapping_add(halves.wrapping_add(ROOM)));
-        self.doubled = fixed::negative(up.wrapping_sub(ROOM)) | 1;
+    /// Piston 0.
+    const fn zero(colour: usize) -> Self {
+        Self { doubled: if colour == RED { ROOM / 2 } else { -ROOM / 2 }, rhs: 0 }
     }
 
+    /// Where there is no node: what an edge less is to a neighbour of the other colour.
+    pub(crate) const fn absent(colour: usize) -> Self {
+        Self { doubled: if colour == RED { ROOM } else { -ROOM }, rhs: 0 }
+    }
+
+    /// Takes a mean off the piston, ulp below 2^27, brings it within both limits, and tells it, ulp, rounded
+    /// down.
     #[inline(always)]
-    pub(crate) const fn piston(self) -> i32 {
-        (self.doubled >> 1).wrapping_add(PISTON_LIMIT)
+    fn centre(&mut self, black: bool, mean: i32) -> i32 {
+        let shift = if black { ROOM } else { 0 };
+        let above = fixed::positive(self.doubled.wrapping_add(shift.wrapping_sub(mean << 1)));
+        let below = fixed::negative(above.wrapping_sub(ROOM));
+        self.doubled = below.wrapping_add(ROOM - shift);
+        (below >> 1).wrapping_add(PISTON_LIMIT)
+    }
+
+    /// Twice the piston, ulp.
+    #[inline(always)]
+    pub(crate) const fn doubled_piston(self, black: bool) -> i32 {
+        self.doubled.wrapping_add(if black { ROOM / 2 } else { -ROOM / 2 })
     }
 }
 
 /// Sums over all nodes.
 #[derive(Debug, Default)]
 pub(crate) struct Totals {
-    /// Of (r / 8)^2: |r / 8| < 2^25 and at most 1600 nodes, below 2^61.
+    /// Of (r / 8)^2: |r / 8| < 2^27 and at most 800 nodes a colour, below 2^64 for one; limited for both.
     pub(crate) residual_squared: u64,
-    /// Of the doubled pistons.
+    /// Of u.
     pub(crate) doubled: i64,
 }
 
@@ -203,7 +258,7 @@ impl Totals {
     /// Of the nodes of both.
     const fn and(self, other: Self) -> Self {
         Self {
-            residual_squared: self.residual_squared.wrapping_add(other.residual_squared),
+            residual_squared: self.residual_squared.saturating_add(other.residual_squared),
             doubled: self.doubled.wrapping_add(other.doubled),
         }
     }
@@ -254,7 +309,7 @@ impl<const M: usize> Sor<M> {
                 unknowns.zip(couplings.nodes(grid, colour)).zip(own)
             {
                 if coupling.present() {
-                    unknown.rhs = coupling.edges(own, sides);
+                    unknown.rhs = coupling.edges(own, sides, colour);
                 }
             }
         }
@@ -265,9 +320,14 @@ impl<const M: usize> Sor<M> {
     #[inline(never)]
     fn start(&mut self, config: &SorConfig<M>) {
         self.warm = true;
-        for (unknown, coupling) in self.unknowns.all_mut().zip(config.couplings.all()) {
-            let doubled = if coupling.present() { 1 - 2 * PISTON_LIMIT } else { 0 };
-            *unknown = Unknown { doubled, rhs: 0 };
+        for colour in COLOURS {
+            let unknowns = self.unknowns.half_mut(colour).iter_mut();
+            for (unknown, coupling) in unknowns.zip(config.couplings.half(colour)) {
+                *unknown = match coupling.present() {
+                    true => Unknown::zero(colour),
+                    false => Unknown::absent(colour),
+                };
+            }
         }
     }
 
@@ -284,7 +344,7 @@ impl<const M: usize> Sor<M> {
         let at = COLOURS.map(|colour| Offsets::new(&config.grid, colour));
         let lines = Lines::new(self.unknowns.halves_mut(), config.couplings.halves(), &at);
         if let Some(lines) = lines {
-            lines.relax(sweeps);
+            lines.relax(config.overshoot_q32, sweeps);
         }
     }
 
@@ -303,8 +363,8 @@ impl<const M: usize> Sor<M> {
         let (own, sides) = self.unknowns.nodes_and_sides(&config.grid, colour);
         let couplings = config.couplings.nodes(&config.grid, colour);
         for ((unknown, &coupling), sides) in own.iter_mut().zip(couplings).zip(sides.iter()) {
-            if coupling.present() {
-                coupling.relax(unknown, sides);
+            if coupling.step_q31 > 0 {
+                coupling.relax(unknown, sides, colour, config.overshoot_q32);
             }
         }
     }
@@ -314,7 +374,7 @@ impl<const M: usize> Sor<M> {
     #[inline(always)]
     fn relax_quads(&mut self, config: &SorConfig<M>, sweeps: u16) -> Option<Totals> {
         let (nodes, couplings) = (self.unknowns.halves_mut(), config.couplings.halves());
-        quads::relax(nodes, couplings, &config.grid, sweeps)
+        quads::relax(nodes, couplings, &config.grid, config.overshoot_q32, sweeps)
     }
 
     /// [`Sor::relax`], and what is then known of all nodes together.
@@ -374,7 +434,7 @@ impl<const M: usize> Sor<M> {
     /// The mean piston of the one connected component, ulp, still to be taken off; of several each has
     /// its own taken off here, and nothing is left.
     ///
-    /// A mean is the sum (below 1600 x 2^25 < 2^36) times the floor of 2^24 / size, i64. The
+    /// A mean is the sum (below 1600 x 2^27 < 2^38) times the floor of 2^24 / size, i64. The
     /// reciprocal is low by less than size / 2^24 of itself, which of a mean that was zero a
     /// frame ago leaves nothing.
     pub(crate) fn common_mean(
@@ -387,7 +447,8 @@ impl<const M: usize> Sor<M> {
             self.remove_own_means(config, nodes);
             return 0;
         };
-        let offsets = i64::from(1 - 2 * PISTON_LIMIT) * i64::from(size);
+        // Of n nodes, 2 p = u -+ R / 2.
+        let offsets = i64::from(ROOM / 2) * i64::from(config.surplus);
         mean(totals.doubled.wrapping_sub(offsets) >> 1, size)
     }
 
@@ -411,13 +472,10 @@ impl<const M: usize> Sor<M> {
         }
     }
 
-    /// Takes the mean off one piston, ulp, and tells it; `None` off the grid.
+    /// Takes the mean off one piston, ulp, and tells it within its limits; `None` off the grid.
     #[inline(always)]
     pub(crate) fn centred_piston(&mut self, place: Place, mean: i32) -> Option<i32> {
-        let unknown = self.unknowns.get_mut(place)?;
-        // |mean| is within 2^25; a pathological component may need the limit.
-        unknown.go(mean.wrapping_neg() << 1);
-        Some(unknown.piston())
+        Some(self.unknowns.get_mut(place)?.centre(place.is_black::<M>(), mean))
     }
 
     /// Pistons and right-hand sides.
@@ -426,10 +484,17 @@ impl<const M: usize> Sor<M> {
         &mut self.unknowns
     }
 
-    /// The piston of a subaperture, ulp.
+    /// The piston of a subaperture, ulp, rounded down.
     #[inline(always)]
     pub fn piston(&self, node: Node) -> i32 {
-        self.unknowns.get(node.place).map_or(0, |unknown| unknown.piston())
+        self.doubled_piston(node) >> 1
+    }
+
+    /// Twice the piston of a subaperture, ulp: all that the solver has of it.
+    #[inline(always)]
+    pub fn doubled_piston(&self, Node { place, .. }: Node) -> i32 {
+        let black = place.is_black::<M>();
+        self.unknowns.get(place).map_or(0, |unknown| unknown.doubled_piston(black))
     }
 
     /// Forgets the pistons: the next frame starts cold.

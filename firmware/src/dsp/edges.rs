@@ -3,7 +3,7 @@
 use super::walk::{self, Start, Walk};
 use crate::geometry::Grid;
 use crate::redblack::{Offsets, RedBlack};
-use crate::sor::{Coupling, Unknown};
+use crate::sor::{Coupling, Unknown, offset};
 use core::arch::asm;
 
 /// Places a turn.
@@ -32,7 +32,7 @@ pub(crate) fn load<const M: usize>(
             own = inout(reg) own => _, east = inout(reg) east => _,
             north = inout(reg) north => _, south = inout(reg) south => _,
             to = inout(reg) to => _, each = inout(reg) each => _, end = in(reg) end,
-            a = inout(reg) west => _, b = inout(reg) west => _,
+            a = inout(reg) west => _, b = inout(reg) west => _, offset = in(reg) offset(colour),
             x = inout(reg) back => _, y = out(reg) _, k = out(reg) _, n = out(reg) _,
             s = out(reg) _, t = out(reg) _, options(nostack));
     }
@@ -44,7 +44,7 @@ pub(crate) fn load<const M: usize>(
             inout("r8") own => _, inout("r9") east => _, inout("r10") north => _,
             inout("r11") south => _, inout("r12") to => _, inout("lr") each => _,
             inout("r0") west => _, inout("r1") west => _, in("r2") end,
-            out("r3") _, inout("r4") back => _, out("r5") _);
+            inout("r3") offset(colour) => _, inout("r4") back => _, out("r5") _);
     }
     Some(())
 }

@@ -1,7 +1,7 @@
 // A right-hand side, `node` bytes from where the pointers of nodes are. `west` becomes its own; `east` is
 // the next place's west.
 .macro place node, west, east
-    ldr r3, [lr, #\node / 2]
+    ldr r3, [lr, #\node + 4]
     ldr \east, [r9, #\node]
     cbz r3, 99f
     ldrd r4, r5, [r8, #\node]
@@ -15,7 +15,7 @@
     ldr r5, [r11, #\node + 4]
     add \west, r4
     sub \west, r5
-    lsl \west, #3
+    add \west, r7, \west, lsl #2
     str \west, [r12, #\node + 4]
 99:
 .endm
@@ -30,8 +30,10 @@
     add r10, #32
     add r11, #32
     add r12, #32
+    add lr, #16
 .endm
 .macro compare
     cmp r8, r2
 .endm
     push {{r6, r7}}
+    mov r7, r3

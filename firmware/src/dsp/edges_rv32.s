@@ -1,7 +1,7 @@
 // A right-hand side, `node` bytes from where the pointers of nodes are. `west` becomes its own; `east` is
 // the next place's west. Loads stand apart from what needs them.
 .macro place node, west, east
-    lw {k}, \node / 2({each})
+    lw {k}, \node + 4({each})
     lw \east, \node({east})
     beqz {k}, 99f
     lw {n}, \node + 4({north})
@@ -23,7 +23,8 @@
     mul {k}, {k}, {y}
     add {t}, {t}, {k}
     add \west, \west, {t}
-98: slli \west, \west, 3
+98: slli \west, \west, 2
+    add \west, \west, {offset}
     sw \west, \node + 4({to})
 99:
 .endm

@@ -1,10 +1,10 @@
-// A doubled piston `p` that has taken its step: the upper limit, the lower one, and rounding.
-.macro limit p, s, t
-    srai \s, \p, 31
-    and \p, \p, \s
-    add \s, \p, {room}
-    srai \t, \s, 31
-    and \s, \s, \t
-    sub \p, \p, \s
-    ori \p, \p, 1
+// The lower limit of a red node's `u`, the upper one of a black one's.
+.macro limit u, t
+.if {red}
+    sgtz \t, \u
+    mul \u, \u, \t
+.else
+    srai \t, \u, 31
+    and \u, \u, \t
+.endif
 .endm

@@ -15,7 +15,7 @@
     addi {x}, {x}, -2
     bltz {x}, 17f
     j 18f
-3:  addi {each}, {each}, 32
+3:  addi {each}, {each}, 64
     addi {own}, {own}, 64
     step
     even 0

@@ -18,10 +18,11 @@
 
 use super::{opaque, totals};
 use crate::geometry::Grid;
-use crate::sor::{Coupling, ROOM, Totals, Unknown};
+use crate::sor::{Coupling, Totals, Unknown};
 use core::arch::asm;
 
-/// Relaxes the nodes of one colour after the other, `sweeps` times, and tells the sums over the black ones, which
+/// Relaxes the nodes of one colour after the other, `sweeps` times with omega - 1 in Q32, and tells the sums over
+/// the black ones, which
 /// are final with the last step; `None`, with nothing done, where pupil or halves have another size or there are no
 /// sweeps.
 ///
@@ -31,11 +32,12 @@ pub(crate) fn relax<const M: usize>(
     nodes: &mut [[Unknown; M]; 2],
     couplings: &[[Coupling; M]; 2],
     grid: &Grid,
+    overshoot_q32: u32,
     sweeps: u16,
 ) -> Option<Totals> {
     match grid.stride {
-        9 => relax_all::<9, M>(nodes, couplings, sweeps),
-        17 => relax_all::<17, M>(nodes, couplings, sweeps),
+        9 => relax_all::<9, M>(nodes, couplings, overshoot_q32, sweeps),
+        17 => relax_all::<17, M>(nodes, couplings, overshoot_q32, sweeps),
         _ => None,
     }
 }
@@ -44,6 +46,7 @@ pub(crate) fn relax<const M: usize>(
 fn relax_all<const STRIDE: usize, const M: usize>(
     [red, black]: &mut [[Unknown; M]; 2],
     [red_couplings, black_couplings]: &[[Coupling; M]; 2],
+    overshoot_q32: u32,
     sweeps: u16,
 ) -> Option<Totals> {
     // A row above and one below.
@@ -59,12 +62,12 @@ fn relax_all<const STRIDE: usize, const M: usize>(
         let reds = Rows::new::<STRIDE, true>(red, black, red_couplings);
         let blacks = Rows::new::<STRIDE, false>(black, red, black_couplings);
         for later in (0..sweeps).rev() {
-            reds.relax::<STRIDE, true>();
+            reds.relax::<STRIDE, true>(overshoot_q32);
             // Opaque, or the compiler makes two copies of all that.
             if opaque(later.into()) > 0 {
-                blacks.relax::<STRIDE, false>();
+                blacks.relax::<STRIDE, false>(overshoot_q32);
             } else {
-                sums = Some(blacks.relax_last::<STRIDE>());
+                sums = Some(blacks.relax_last::<STRIDE>(overshoot_q32));
             }
         }
     }
@@ -101,15 +104,17 @@ const fn back(stride: usize, red: bool) -> isize {
 /// four rows is one of the grid's, as many as it has, and their sides are in rows of the padded grid. The instructions
 /// write `own` and registers that are given here.
 macro_rules! run {
-    ($rows:expr, $stride:expr, $red:expr, $step:expr, $behind:expr, $($registers:tt)*) => {
-        asm!(concat!(include_str!("limit_rv32.s"), $step, include_str!("quads_rv32.s"), ".purgem limit\n", $behind),
+    ($rows:expr, $stride:expr, $red:expr, $overshoot:expr, $step:expr, $behind:expr, $($registers:tt)*) => {
+        asm!(concat!(include_str!("limit_rv32.s"), include_str!("step_rv32.s"), $step,
+                include_str!("quads_rv32.s"), $behind),
             stride = const $stride, out = const out($stride, $red), back = const back($stride, $red),
+            red = const $red as u32, overshoot = in(reg) $overshoot,
             own = inout(reg) $rows.own => _, other = inout(reg) $rows.other => _,
-            each = inout(reg) $rows.each => _, end = in(reg) $rows.end, room = in(reg) ROOM,
+            each = inout(reg) $rows.each => _, end = in(reg) $rows.end,
             a0 = out(reg) _, a1 = out(reg) _, a2 = out(reg) _, a3 = out(reg) _,
             b0 = out(reg) _, b1 = out(reg) _, b2 = out(reg) _, b3 = out(reg) _,
             k = out(reg) _, l = out(reg) _, p = out(reg) _, rhs = out(reg) _,
-            shared = out(reg) _, x = out(reg) _, y = out(reg) _, $($registers)* options(nostack))
+            shared = out(reg) _, x = out(reg) _, $($registers)* options(nostack))
     };
 }
 
@@ -137,9 +142,9 @@ impl Rows {
     /// The pointers are those of halves with all places of the padded grid, `own` for writes.
     #[allow(unsafe_code)]
     #[inline(always)]
-    unsafe fn relax<const STRIDE: usize, const RED: bool>(self) {
+    unsafe fn relax<const STRIDE: usize, const RED: bool>(self, overshoot_q32: u32) {
         // SAFETY: what the caller has to see to is what `run` asks for.
-        unsafe { run!(self, STRIDE, RED, include_str!("quads_step_rv32.s"), "",) }
+        unsafe { run!(self, STRIDE, RED, overshoot_q32, include_str!("quads_step_rv32.s"), "",) }
     }
 
     /// The same of black nodes, for the last time, and their sums.
@@ -148,13 +153,13 @@ impl Rows {
     /// As above.
     #[allow(unsafe_code)]
     #[inline(always)]
-    unsafe fn relax_last<const STRIDE: usize>(self) -> Totals {
+    unsafe fn relax_last<const STRIDE: usize>(self, overshoot_q32: u32) -> Totals {
         let (mut squares_low, mut squares_high, mut low, mut high) = (0, 0, 0, 0);
         // SAFETY: what the caller has to see to is what `run` asks for.
         unsafe {
-            run!(self, STRIDE, false,
+            run!(self, STRIDE, false, overshoot_q32,
                 concat!(include_str!("total_rv32.s"), include_str!("quads_last_step_rv32.s")), ".purgem total",
-                q = out(reg) _, squares_low = inout(reg) squares_low,
+                q = out(reg) _, y = out(reg) _, squares_low = inout(reg) squares_low,
                 squares_high = inout(reg) squares_high, low = inout(reg) low, high = inout(reg) high,);
         }
         totals::together([squares_low, squares_high], [low, high])

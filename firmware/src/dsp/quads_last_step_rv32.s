@@ -1,15 +1,13 @@
 // The last step of a node, `at` places from the first one, around which is `x`, and its part of the sums.
 .macro step at, k
-    residual \at, \k
-    mulh {q}, {x}, \k
-    add {q}, {p}, {q}
-    limit {q}, {rhs}, {y}
+    lw {p}, 8 * (\at)({own})
+    lw {rhs}, 8 * (\at) + 4({own})
+    take_step {x}, {p}, {rhs}, \k, {q}
+    lw {y}, 8 * (\at) + 4({each})
     sw {q}, 8 * (\at)({own})
-    // 8 r of the new piston: less by its degree times what it has moved.
-    sub {p}, {q}, {p}
-    andi {y}, \k, 7
-    mul {p}, {p}, {y}
-    slli {p}, {p}, 2
-    sub {x}, {x}, {p}
+    srai {x}, {x}, 1
+    andi {y}, {y}, 7
+    mul {y}, {y}, {q}
+    sub {x}, {x}, {y}
     total {x}, {q}, {y}, {p}
 .endm

@@ -1,18 +1,8 @@
-// 8 r, in `x`, of a node `at` places from the first one, around which `x` is before; its piston in `p`.
-.macro residual at, k
-    lw {p}, 8 * (\at)({own})
-    lw {rhs}, 8 * (\at) + 4({own})
-    andi {y}, \k, 7
-    mul {y}, {y}, {p}
-    sub {x}, {x}, {y}
-    slli {x}, {x}, 2
-    add {x}, {x}, {rhs}
-.endm
 // A node of each row, `i` columns from where the pointers are, with `w0` to `w3` in their wests; `e0` to `e3`
 // become the next ones' wests. Loads stand apart from what needs them.
 .macro column i, w0, w1, w2, w3, e0, e1, e2, e3
-    lw {k}, 4 * (\i)({each})
-    lw {l}, 4 * (\i + {out})({each})
+    lw {k}, 8 * (\i)({each})
+    lw {l}, 8 * (\i + {out})({each})
     lw \e0, 8 * (\i)({other})
     lw \e1, 8 * (\i + {out})({other})
     add {shared}, \w1, \e0
@@ -26,9 +16,9 @@
     add {x}, \e1, {shared}
     add {x}, {x}, \e2
     step \i + {out}, {l}
-91: lw {k}, 4 * (\i + {out} + {back})({each})
+91: lw {k}, 8 * (\i + {out} + {back})({each})
     lw \e3, 8 * (\i + 2 * {out} + {back})({other})
-    lw {l}, 4 * (\i + 2 * {out} + {back})({each})
+    lw {l}, 8 * (\i + 2 * {out} + {back})({each})
     add {shared}, \w3, \e2
     beqz {k}, 92f
     add {x}, \w1, \w2
@@ -62,10 +52,11 @@
 .endif
     addi {own}, {own}, 16 * {stride}
     addi {other}, {other}, 16 * {stride}
-    addi {each}, {each}, 8 * {stride}
+    addi {each}, {each}, 16 * {stride}
     bne {own}, {end}, 2b
 .option pop
 .purgem columns
 .purgem column
 .purgem step
-.purgem residual
+.purgem take_step
+.purgem limit

@@ -77,7 +77,8 @@ pub(crate) fn reach<const M: usize>(
                 heights = inout(reg) heights_ulp.as_mut_ptr().wrapping_sub(back) => _,
                 end = in(reg) end.wrapping_sub(2),
                 unknowns = in(reg) unknowns, commands = in(reg) commands, places = in(reg) places,
-                raise = in(reg) raise, room = in(reg) ROOM, limit = in(reg) PISTON_LIMIT,
+                blacks = in(reg) unknowns.wrapping_add(M), raise = in(reg) raise, room = in(reg) ROOM,
+                limit = in(reg) PISTON_LIMIT,
                 half = in(reg) half, bits = in(reg) bits, upper = in(reg) 0xffff_0000u32,
                 saturated = inout(reg) saturated,
                 a = out(reg) _, b = out(reg) _, c = out(reg) _, p = out(reg) _, t = out(reg) _,
@@ -101,7 +102,7 @@ pub(crate) fn reach<const M: usize>(
         // SAFETY: as above, but for two registers that they save on the stack with a copy of `shared`.
         unsafe {
             asm!(include_str!("reach_armv7em.s"),
-                room = const ROOM, limit = const PISTON_LIMIT, tilt_bits = const 16 - DROPPED,
+                blacks = const M, room = const ROOM, limit = const PISTON_LIMIT, tilt_bits = const 16 - DROPPED,
                 lowest = const offset_of!(Segment, lowest), highest = const offset_of!(Segment, highest),
                 segment = const size_of::<Segment>(),
                 inout("r0") shared.as_ptr() => _, out("r1") _, out("r2") _, out("r3") _, out("r4") _,

@@ -12,14 +12,18 @@
     ldrh r5, [r0], #6
     cmp r5, r6
     bhs 9f
-    // The piston without the mean, limited as in a relaxation, and the command.
+    // The piston without the mean, limited, and the command. What a red one's unknown is above a black one's.
     ldr r6, [r1, r5, lsl #3]
+    subw r7, r5, #{blacks}
+    asr r7, #31
+    and r7, #{room}
     sub r6, r4
+    sub r6, r7
     bic r6, r6, r6, asr #31
     sub r6, #{room}
     and r6, r6, r6, asr #31
-    orr r6, #1
-    str r6, [r1, r5, lsl #3]
+    add r7, r6
+    str r7, [r1, r5, lsl #3]
     add r2, r2, r5, lsl #3
     ldrd r4, r5, [r2]
     strd r4, r5, [r3], #8

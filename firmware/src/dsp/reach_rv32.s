@@ -35,15 +35,18 @@
     lw {p}, 0({u})
     lw {x}, 0({y})
     lw {y}, 4({y})
-    // The piston without the mean, limited as in a relaxation, and the command.
+    // The piston without the mean, limited, and the command. What a red one's unknown is above a black one's.
+    sltu {b}, {u}, {blacks}
+    mul {b}, {b}, {room}
     add {p}, {p}, {raise}
+    sub {p}, {p}, {b}
     sgtz {t}, {p}
     mul {p}, {p}, {t}
     sub {p}, {p}, {room}
     srai {t}, {p}, 31
     and {p}, {p}, {t}
-    ori {p}, {p}, 1
-    sw {p}, 0({u})
+    add {b}, {b}, {p}
+    sw {b}, 0({u})
     sw {x}, \applied({applied})
     sw {y}, \applied + 4({applied})
     sw {x}, \position + 4({positions})

@@ -8,8 +8,6 @@
 #[cfg(any(target_arch = "riscv32", armv7em))]
 use super::walk::first_turn;
 use crate::redblack::Offsets;
-#[cfg(any(target_arch = "riscv32", armv7em))]
-use crate::sor::ROOM;
 use crate::sor::{Coupling, Unknown};
 use core::marker::PhantomData;
 
@@ -80,30 +78,30 @@ impl<'a> Lines<'a> {
         })
     }
 
-    /// Relaxes the nodes of one colour after the other, `sweeps` times.
-    pub(crate) fn relax(self, sweeps: u16) {
+    /// Relaxes the nodes of one colour after the other, `sweeps` times, with omega - 1 in Q32.
+    pub(crate) fn relax(self, overshoot_q32: u32, sweeps: u16) {
+        let [red, black] = &self.lines;
         for _ in 0..sweeps {
-            for line in &self.lines {
-                // SAFETY: `Line::new` found each pointer to be followed by as many places within its half,
-                // which the lifetime lends for this value alone. A line writes its own half and reads the other.
-                #[allow(unsafe_code)]
-                unsafe {
-                    line.relax();
-                }
+            // SAFETY: `Line::new` found each pointer to be followed by as many places within its half,
+            // which the lifetime lends for this value alone. A line writes its own half and reads the other.
+            #[allow(unsafe_code)]
+            unsafe {
+                red.relax::<true>(overshoot_q32);
+                black.relax::<false>(overshoot_q32);
             }
         }
     }
 }
 
 impl Line {
-    /// Relaxes each node once.
+    /// Relaxes each node once, of red ones if `RED`.
     ///
     /// # Safety
     /// The pointers are valid for as many places as there are, `own` for writes, and `west` for one.
     #[cfg(any(target_arch = "riscv32", armv7em))]
     #[allow(unsafe_code)]
     #[inline(always)]
-    unsafe fn relax(&self) {
+    unsafe fn relax<const RED: bool>(&self, overshoot_q32: u32) {
         let Self { own, west, east, north, south, couplings, places } = *self;
         let back = first_turn(places, TURN);
         let end = own.wrapping_add(places).wrapping_sub(TURN);
@@ -112,9 +110,10 @@ impl Line {
         macro_rules! run {
             ($code:expr, $($registers:tt)*) => {
                 // SAFETY: the instructions write registers that are given here and the nodes of `own`, and
-                // read `places` places by the other pointers.
+                // read `places` places by the other pointers; on the Cortex-M7 they save two more on the stack.
                 unsafe {
                     core::arch::asm!($code,
+                        red = const RED as u32,
                         own = inout(reg) own.wrapping_sub(back) => _,
                         east = inout(reg) east.wrapping_sub(back) => _,
                         north = inout(reg) north.wrapping_sub(back) => _,
@@ -122,17 +121,17 @@ impl Line {
                         each = inout(reg) couplings.wrapping_sub(back) => _,
                         end = in(reg) end, a = inout(reg) west => _, b = inout(reg) west => _,
                         x = inout(reg) back => _, y = out(reg) _, p = out(reg) _,
-                        $($registers)*
-                        options(nostack))
+                        $($registers)*)
                 }
             };
         }
         #[cfg(target_arch = "riscv32")]
-        run!(concat!(include_str!("residual_rv32.s"), include_str!("limit_rv32.s"), include_str!("relax_rv32.s"),
+        run!(concat!(include_str!("limit_rv32.s"), include_str!("step_rv32.s"), include_str!("relax_rv32.s"),
                 include_str!("sides_rv32.s"), include_str!("long_turns_rv32.s"),
-                ".purgem residual\n.purgem limit"), room = in(reg) ROOM, k = out(reg) _, rhs = out(reg) _,);
+                ".purgem take_step\n.purgem limit"), overshoot = in(reg) overshoot_q32,
+            k = out(reg) _, rhs = out(reg) _, options(nostack));
         #[cfg(armv7em)]
-        run!(include_str!("relax_armv7em.s"), room = const ROOM, out("r0") _,);
+        run!(include_str!("relax_armv7em.s"), inout("r0") overshoot_q32 => _,);
     }
     /// The same in portable arithmetic, so that it can be tested on a PC.
     ///
@@ -140,15 +139,16 @@ impl Line {
     /// As above.
     #[cfg(not(any(target_arch = "riscv32", armv7em)))]
     #[allow(unsafe_code)]
-    unsafe fn relax(&self) {
+    unsafe fn relax<const RED: bool>(&self, overshoot_q32: u32) {
         // SAFETY: one place after the other of each, and the first one's west.
         unsafe {
             let mut west = *self.west;
             for i in 0..self.places {
                 let (coupling, east) = (*self.couplings.add(i), *self.east.add(i));
-                if coupling.present() {
+                if coupling.step_q31 > 0 {
                     let sides = [west, east, *self.north.add(i), *self.south.add(i)];
-                    coupling.relax(&mut *self.own.add(i), sides);
+                    let colour = if RED { 0 } else { 1 };
+                    coupling.relax(&mut *self.own.add(i), sides, colour, overshoot_q32);
                 }
                 west = east;
             }
@@ -159,58 +159,81 @@ impl Line {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixed::PISTON_LIMIT;
     use crate::geometry::{Grid, MIN_ACROSS, Mask};
     use crate::redblack::{COLOURS, Place, RedBlack};
+    use crate::sor::ROOM;
 
     const M: usize = 200;
 
-    /// Pistons and right-hand sides over the formats' ranges, against 64-bit arithmetic on the mask.
+    /// Unknowns and right-hand sides over their ranges, against the equation of [`crate::sor`] over present
+    /// neighbours only, in 128 bits.
     #[test]
-    fn steps_are_rounded_once_and_limited() {
+    fn steps_are_rounded_down_and_limited() {
         let mut x = 1u32;
         let mut between = |low: i64, high: i64| {
             x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             low + ((u64::from(x >> 2) * (high - low + 1) as u64) >> 30) as i64
         };
-        let limit = i64::from(PISTON_LIMIT);
+        // Half of it: where pistons of 0 are.
+        let middle = i64::from(ROOM) / 2;
         for across in MIN_ACROSS..=18 {
             let mask = Mask::from_fn(across, |_, _| between(0, 5) > 0).expect("in range");
             let grid = Grid::new(across);
             let mut couplings = RedBlack::<Coupling, M>::new(Coupling::NONE);
             let mut nodes = RedBlack::<Unknown, M>::new(Unknown::default());
-            let (mut pistons, mut cells) = (vec![0i64; grid.nodes], Vec::new());
+            for colour in COLOURS {
+                nodes.half_mut(colour).fill(Unknown::absent(colour));
+            }
+            // 1 to 1.99.
+            let overshoot = between(0, (0.99 * f64::from(1u32 << 31)) as i64) as u32 * 2;
+            let (mut doubled, mut cells) = (vec![0i64; grid.nodes], Vec::new());
             for (x, y) in mask.cells() {
                 let f = grid.node(x, y);
                 let beside =
                     [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
                 let links = beside.map(|(x, y)| mask.contains(x, y));
-                let degree = links.into_iter().filter(|&there| there).count() as i64;
-                let step = (between(1 << 30, (1 << 31) - 1) / degree.max(1)) as i32;
-                let coupling = Coupling::new(links).with_step(step);
-                let wide = between(0, 1) * limit;
-                let piston = between(-limit, limit).clamp(wide - limit, limit);
-                let rhs = between(-(1 << 25), 1 << 25);
-                *couplings.get_mut(Place::new::<M>(f)).expect("on the grid") = coupling;
-                *nodes.get_mut(Place::new::<M>(f)).expect("on the grid") =
-                    Unknown { doubled: (2 * (piston - limit) + 1) as i32, rhs: (8 * rhs) as i32 };
-                pistons[f] = piston;
-                cells.push((f, degree, rhs, i64::from(coupling.multiplier())));
+                let sides = [f - 1, f + 1, f - grid.stride, f + grid.stride];
+                let sides: Vec<_> =
+                    sides.into_iter().zip(links).filter_map(|(f, there)| there.then_some(f)).collect();
+                let coupling = Coupling::new(links).with_overshoot(overshoot);
+                let (place, red) = (Place::new::<M>(f), f % 2 == 0);
+                // Anywhere, or where every second node is at its end.
+                let far = ((i128::from(overshoot) + (1 << 32)) << 27 >> 32) as i64;
+                let u = if between(0, 1) == 0 { far } else { between(0, far) };
+                let u = if red { u } else { -u };
+                let degree = sides.len() as i64;
+                let rhs = between(-(degree << 24), degree << 24);
+                let offset = if red { 16 * middle } else { -16 * middle };
+                *couplings.get_mut(place).expect("on the grid") = coupling;
+                *nodes.get_mut(place).expect("on the grid") =
+                    Unknown { doubled: u as i32, rhs: (4 * rhs + offset) as i32 };
+                doubled[f] = if red { u - middle } else { u + middle };
+                cells.push((f, sides, rhs));
             }
             let at = COLOURS.map(|colour| Offsets::new(&grid, colour));
             let lines = Lines::new(nodes.halves_mut(), couplings.halves(), &at).expect("room");
-            lines.relax(3);
+            lines.relax(overshoot, 3);
+            let product = |a: i64, b: i128, bits: u32| ((i128::from(a) * b) >> bits) as i64;
             for colour in [0, 1, 0, 1, 0, 1] {
-                for &(f, degree, rhs, step) in cells.iter().filter(|(f, ..)| f % 2 == colour) {
-                    let sides = [f - 1, f + 1, f - grid.stride, f + grid.stride];
-                    let around: i64 = sides.into_iter().map(|f| pistons[f]).sum();
-                    let r = rhs + around - degree * pistons[f];
-                    pistons[f] = (pistons[f] + ((step * r + (1 << 29)) >> 30)).clamp(-limit, limit);
+                for (f, sides, rhs) in cells.iter().filter(|(f, ..)| f % 2 == colour) {
+                    let degree = sides.len() as i128;
+                    if degree == 0 {
+                        continue;
+                    }
+                    // From the limit that is 0.
+                    let limit = if colour == 0 { -middle } else { middle };
+                    let bracket: i64 = sides.iter().map(|&f| doubled[f] - limit).sum::<i64>() + 2 * rhs;
+                    let step = ((1 << 32) + i128::from(overshoot) + degree) / (2 * degree);
+                    let u = product(bracket, step, 31)
+                        - product(doubled[*f] - limit, overshoot.into(), 32);
+                    doubled[*f] = limit + if colour == 0 { u.max(0) } else { u.min(0) };
                 }
             }
             for (f, ..) in cells {
-                let node = nodes.get(Place::new::<M>(f)).expect("on the grid");
-                assert_eq!(i64::from(node.piston()), pistons[f], "N = {across}, node {f}");
+                let place = Place::new::<M>(f);
+                let node = nodes.get(place).expect("on the grid");
+                let found = i64::from(node.doubled_piston(place.is_black::<M>()));
+                assert_eq!(found, doubled[f], "N = {across}, node {f}");
             }
         }
     }

@@ -1,31 +1,36 @@
-// A place, `node` bytes from where the pointers of nodes are. `west` becomes its own; `east` is the next
-// place's west.
+// A place, `node` bytes from where the pointers are. `west` has its west before and is lost; `east` becomes the next
+// place's west. omega - 1 is in r6.
 .macro place node, west, east
-    ldr r0, [{each}, #\node / 2]
+    ldr r0, [{each}, #\node]
     ldr \east, [{east}, #\node]
     cbz r0, 99f
     ldr {x}, [{north}, #\node]
     ldr {y}, [{south}, #\node]
-    // 8 r.
     add \west, \east
     add {x}, {y}
     add \west, {x}
+    // Twice the bracket.
     ldrd {p}, {y}, [{own}, #\node]
-    and {x}, r0, #7
-    mls \west, {p}, {x}, \west
-    add \west, {y}, \west, lsl #2
-    // The step.
-    smmla {p}, \west, r0, {p}
-    // The upper limit, the lower one, which an instruction holds, and rounding.
-    and {p}, {p}, {p}, asr #31
-    add {x}, {p}, #{room}
-    and {x}, {x}, {x}, asr #31
-    sub {p}, {x}
-    orr {p}, {p}, #1
+    add \west, {y}, \west, lsl #1
+    // A step of 1 or more is one less as a signed number.
+    and {x}, \west, r0, asr #31
+    smmla \west, \west, r0, {x}
+    umull {x}, {y}, {p}, r6
+    sub \west, {y}
+    // The lower limit of a red node, the upper one of a black one, which is not above 0 before.
+.if {red}
+    bic {p}, \west, \west, asr #31
+.else
+    and {x}, r6, {p}, asr #31
+    add \west, {x}
+    and {p}, \west, \west, asr #31
+.endif
     str {p}, [{own}, #\node]
 99:
 .endm
 
+    push {{r6, r7}}
+    mov r6, r0
     cmp {x}, #4
     bgt 2f
     beq 14f
@@ -39,7 +44,7 @@
     cmp {x}, #7
     beq 17f
     b 18f
-3:  add {each}, #32
+3:  add {each}, #64
     add {own}, #64
     add {east}, #64
     add {north}, #64
@@ -54,4 +59,5 @@
 17: place 56, {b}, {a}
 18: cmp {own}, {end}
     bne 3b
+    pop {{r6, r7}}
 .purgem place

@@ -31,11 +31,10 @@ pub(crate) fn digests() -> [(&'static str, Digest); 6] {
                 hasher.u32(fixed::square_root(v));
             }
         }),
-        over("multiply-q30", |numbers, hasher| {
-            let k = numbers.edge(&[0, 1, 1 << 29, 1 << 30, i32::MAX as u32]) as i32;
-            let r = numbers.edge(&[0, 1, u32::MAX, i32::MAX as u32, i32::MIN as u32]) as i32 >> 3;
-            let limit = (1 << 28) - 1;
-            hasher.i32(fixed::mul_q30(k, r.clamp(-limit, limit)));
+        over("multiply-unsigned", |numbers, hasher| {
+            let a = numbers.edge(&[0, 1, u32::MAX, i32::MAX as u32, i32::MIN as u32]) as i32;
+            let b = numbers.edge(&[0, 1, 1 << 31, u32::MAX]);
+            hasher.i32(fixed::mul_high_unsigned(a, b));
         }),
         over("round-shift", |numbers, hasher| {
             let x = (u64::from(numbers.bits()) << 32 | u64::from(numbers.bits())) as i64 >> 2;
