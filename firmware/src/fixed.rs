@@ -9,8 +9,8 @@ pub const CENTROID_BITS: u32 = 16;
 
 /// Fraction bits of a length: 1 ulp = 2^-9 height LSB, 1 LSB = stroke / 65536.
 ///
-/// Nine guard bits keep the rounding of the relaxation, limit cycles included, under 0.56 LSB at
-/// 40 x 40 subapertures.
+/// Nine guard bits keep the rounding of the relaxation, limit cycles included, within 0.06 LSB at 40 x 40
+/// subapertures.
 pub const LENGTH_BITS: u32 = 9;
 
 /// Largest magnitude of a tip or tilt, ulp: 2^14 LSB centre to edge, half the stroke over a segment.

@@ -110,10 +110,10 @@ impl Line {
         macro_rules! run {
             ($code:expr, $($registers:tt)*) => {
                 // SAFETY: the instructions write registers that are given here and the nodes of `own`, and
-                // read `places` places by the other pointers; on the Cortex-M7 they save two more on the stack.
+                // read `places` places by the other pointers.
                 unsafe {
                     core::arch::asm!($code,
-                        red = const RED as u32,
+                        red = const RED as u32, overshoot = in(reg) overshoot_q32,
                         own = inout(reg) own.wrapping_sub(back) => _,
                         east = inout(reg) east.wrapping_sub(back) => _,
                         north = inout(reg) north.wrapping_sub(back) => _,
@@ -121,17 +121,16 @@ impl Line {
                         each = inout(reg) couplings.wrapping_sub(back) => _,
                         end = in(reg) end, a = inout(reg) west => _, b = inout(reg) west => _,
                         x = inout(reg) back => _, y = out(reg) _, p = out(reg) _,
-                        $($registers)*)
+                        $($registers)* options(nostack))
                 }
             };
         }
         #[cfg(target_arch = "riscv32")]
         run!(concat!(include_str!("limit_rv32.s"), include_str!("step_rv32.s"), include_str!("relax_rv32.s"),
                 include_str!("sides_rv32.s"), include_str!("long_turns_rv32.s"),
-                ".purgem take_step\n.purgem limit"), overshoot = in(reg) overshoot_q32,
-            k = out(reg) _, rhs = out(reg) _, options(nostack));
+                ".purgem take_step\n.purgem limit"), k = out(reg) _, rhs = out(reg) _,);
         #[cfg(armv7em)]
-        run!(include_str!("relax_armv7em.s"), inout("r0") overshoot_q32 => _,);
+        run!(include_str!("relax_armv7em.s"), out("r0") _,);
     }
     /// The same in portable arithmetic, so that it can be tested on a PC.
     ///

@@ -1,5 +1,5 @@
 // A place, `node` bytes from where the pointers are. `west` has its west before and is lost; `east` becomes the next
-// place's west. omega - 1 is in r6.
+// place's west.
 .macro place node, west, east
     ldr r0, [{each}, #\node]
     ldr \east, [{east}, #\node]
@@ -15,13 +15,13 @@
     // A step of 1 or more is one less as a signed number.
     and {x}, \west, r0, asr #31
     smmla \west, \west, r0, {x}
-    umull {x}, {y}, {p}, r6
+    umull {x}, {y}, {p}, {overshoot}
     sub \west, {y}
     // The lower limit of a red node, the upper one of a black one, which is not above 0 before.
 .if {red}
     bic {p}, \west, \west, asr #31
 .else
-    and {x}, r6, {p}, asr #31
+    and {x}, {overshoot}, {p}, asr #31
     add \west, {x}
     and {p}, \west, \west, asr #31
 .endif
@@ -29,8 +29,6 @@
 99:
 .endm
 
-    push {{r6, r7}}
-    mov r6, r0
     cmp {x}, #4
     bgt 2f
     beq 14f
@@ -59,5 +57,4 @@
 17: place 56, {b}, {a}
 18: cmp {own}, {end}
     bne 3b
-    pop {{r6, r7}}
 .purgem place
