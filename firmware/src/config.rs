@@ -381,12 +381,8 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.schedule.share(sweeps);
         sor.cold_sweeps = spec.cold_sweeps.unwrap_or(COLD.saturating_mul(sweeps));
         // omega is 1 to 1.99.
-        sor.overshoot_q32 = libm::round((self.omega - 1.0) * f64::from(1u32 << 31) * 2.0) as u32;
-        for node in &self.nodes {
-            if let Some(coupling) = sor.couplings.get_mut(node.place) {
-                *coupling = coupling.with_overshoot(sor.overshoot_q32);
-            }
-        }
+        let overshoot_q32 = libm::round((self.omega - 1.0) * f64::from(1u32 << 31) * 2.0) as u32;
+        sor.relax_by(overshoot_q32, &self.nodes);
     }
 
     /// Whether a position of a segment means the same codes in both.

@@ -38,8 +38,8 @@
 //!
 //! over all four sides. |X|, |Y| <= 2^23 ulp and each edge has two of them, hence |2 b| / degree <= 2^25 and
 //! |u| <= omega (R + 2^25) = omega 2^27 < 2^28. The bracket is within 4 (R + 2^25) = 2^29 one way and
-//! 4 (2^28 + 2^25 - R) < 2^29.6 the other, and twice that fits: its step is a Q31 number below 2, unsigned,
-//! and the last factor Q32. Both products are rounded down, and one is taken from the other: together within
+//! 4 (2^28 + 2^25 - R) < 2^29.6 the other, and twice that fits: omega / degree is a Q31 number below 2, unsigned,
+//! and omega - 1 is Q32. Both products are rounded down, and one is taken from the other: together within
 //! half an ulp and even on average. A step that rounds nearest from p itself stops where a tenth of a residual
 //! is left; this one goes on, and leaves at most 0.05 LSB of error, limit cycles included, at N = 40.
 //!
@@ -67,6 +67,8 @@ pub struct SorConfig<const M: usize> {
     pub(crate) couplings: RedBlack<Coupling, M>,
     /// omega - 1, Q32.
     pub(crate) overshoot_q32: u32,
+    /// Fraction bits that steps are short of 32: 1, but on RISC-V none where no node has but one neighbour.
+    pub(crate) short_by: u32,
     /// Red nodes less black ones.
     pub(crate) surplus: i32,
     /// Sweeps of a warm frame.
@@ -81,8 +83,9 @@ pub struct SorConfig<const M: usize> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct Coupling {
-    /// omega / degree, Q31: below 2. 0 without neighbours: nothing moves such a node.
-    pub(crate) step_q31: u32,
+    /// omega / degree, below 2, with 32 fraction bits less [`SorConfig::short_by`]. 0 without neighbours: nothing moves
+    /// such a node.
+    pub(crate) step: u32,
     /// Degree in bits 0-2, n_w - n_e in bits 3-4 and n_n - n_s in bits 5-6, both signed, and whether there is
     /// a subaperture in bit 7.
     neighbourhood: i32,
@@ -90,7 +93,7 @@ pub struct Coupling {
 
 impl Coupling {
     /// A place without a node.
-    pub(crate) const NONE: Self = Self { step_q31: 0, neighbourhood: 0 };
+    pub(crate) const NONE: Self = Self { step: 0, neighbourhood: 0 };
 
     /// A node that does not relax yet, from the presence of its neighbours to the west, east, north
     /// and south.
@@ -98,20 +101,20 @@ impl Coupling {
         let degree = west as i32 + east as i32 + north as i32 + south as i32;
         let dx = (west as i32 - east as i32) & 3;
         let dy = (north as i32 - south as i32) & 3;
-        Self { step_q31: 0, neighbourhood: degree | dx << 3 | dy << 5 | 1 << 7 }
+        Self { step: 0, neighbourhood: degree | dx << 3 | dy << 5 | 1 << 7 }
     }
 
-    /// The same node with the step that omega - 1, Q32, gives it, rounded. Its product with the degree has to
-    /// be omega to the last bits: a step of the bracket of [the module](self) and one of u rest against each
-    /// other.
-    pub(crate) const fn with_overshoot(self, overshoot_q32: u32) -> Self {
+    /// The same node with the step that omega - 1, Q32, gives it, rounded to 31 bits. Its product with the degree
+    /// has to be omega to the last bits: a step of the bracket of [the module](self) and one of u rest against
+    /// each other.
+    pub(crate) const fn with_overshoot(self, overshoot_q32: u32, short_by: u32) -> Self {
         let omega_q32 = (1u64 << 32) + overshoot_q32 as u64;
         let step_q31 = match self.degree() as u64 {
             0 => 0,
             // Below 2^32: overshoots are.
             degree => ((omega_q32 + degree) / (2 * degree)) as u32,
         };
-        Self { step_q31, ..self }
+        Self { step: step_q31 << (1 - short_by), ..self }
     }
 
     #[inline(always)]
@@ -127,9 +130,15 @@ impl Coupling {
     /// A step of a node that has neighbours.
     #[cfg(not(any(target_arch = "riscv32", armv7em)))]
     #[inline(always)]
-    pub(crate) fn relax(self, own: &mut Unknown, sides: [Unknown; 4], colour: usize, overshoot_q32: u32) {
-        let bracket = own.rhs.wrapping_add(around(sides) << 1);
-        let to = fixed::mul_high_unsigned(bracket, self.step_q31);
+    pub(crate) fn relax(
+        self,
+        own: &mut Unknown,
+        sides: [Unknown; 4],
+        colour: usize,
+        overshoot_q32: u32,
+    ) {
+        let bracket = own.rhs.wrapping_add(around(sides) << RHS_BITS);
+        let to = fixed::mul_high_unsigned(bracket, self.step);
         let moved = to.wrapping_sub(fixed::mul_high_unsigned(own.doubled, overshoot_q32));
         own.doubled = if colour == RED { fixed::positive(moved) } else { fixed::negative(moved) };
     }
@@ -138,7 +147,7 @@ impl Coupling {
     #[cfg(not(any(target_arch = "riscv32", armv7em)))]
     #[inline(always)]
     fn residual(self, own: Unknown, sides: [Unknown; 4]) -> i32 {
-        let bracket = (own.rhs >> 1).wrapping_add(around(sides));
+        let bracket = (own.rhs >> RHS_BITS).wrapping_add(around(sides));
         bracket.wrapping_sub(own.doubled.wrapping_mul(self.degree()))
     }
 
@@ -154,7 +163,7 @@ impl Coupling {
         let (dx, dy) = (self.neighbourhood << 27 >> 30, self.neighbourhood << 25 >> 30);
         let across = xw.wrapping_sub(xe).wrapping_add(x.wrapping_mul(dx));
         let down = yn.wrapping_sub(ys).wrapping_add(y.wrapping_mul(dy));
-        (across.wrapping_add(down) << 2).wrapping_add(offset(colour))
+        (across.wrapping_add(down) << (1 + RHS_BITS)).wrapping_add(offset(colour))
     }
 
     /// Adds a node that is there to the sums.
@@ -174,10 +183,15 @@ fn around([w, e, n, s]: [Unknown; 4]) -> i32 {
     w.doubled.wrapping_add(e.doubled).wrapping_add(n.doubled.wrapping_add(s.doubled))
 }
 
-/// What right-hand sides of a colour have beside 4 b: 8 R, less for black nodes.
+/// Bits by which [`Unknown::rhs`] is shifted up: brackets have as many as make 32 with their steps'. On RISC-V most
+/// steps have all, and where one needs another, its kernel shifts.
+const RHS_BITS: u32 = if cfg!(target_arch = "riscv32") { 0 } else { 1 };
+
+/// What right-hand sides of a colour have beside b: 4 R, less for black nodes.
 #[inline(always)]
 pub(crate) const fn offset(colour: usize) -> i32 {
-    if colour == RED { 8 * ROOM } else { -8 * ROOM }
+    let offset = 4 * ROOM << RHS_BITS;
+    if colour == RED { offset } else { -offset }
 }
 
 /// Where a subaperture is in the solver.
@@ -193,10 +207,24 @@ pub struct Node {
 }
 
 impl<const M: usize> SorConfig<M> {
+    /// Sets every step from omega - 1, Q32, below 2^32 - 2^25.
+    pub(crate) fn relax_by(&mut self, overshoot_q32: u32, nodes: &[Node]) {
+        let degree = |node: &Node| self.couplings.get(node.place).map_or(0, |c| c.degree());
+        let single = nodes.iter().any(|node| degree(node) == 1);
+        self.short_by = u32::from(single || cfg!(not(target_arch = "riscv32")));
+        self.overshoot_q32 = overshoot_q32;
+        for node in nodes {
+            if let Some(coupling) = self.couplings.get_mut(node.place) {
+                *coupling = coupling.with_overshoot(overshoot_q32, self.short_by);
+            }
+        }
+    }
+
     pub(crate) const EMPTY: Self = Self {
         grid: Grid { stride: 0, nodes: 0 },
         couplings: RedBlack::new(Coupling::NONE),
         overshoot_q32: 0,
+        short_by: 0,
         surplus: 0,
         warm_sweeps: 0,
         cold_sweeps: 0,
@@ -210,7 +238,7 @@ impl<const M: usize> SorConfig<M> {
 pub(crate) struct Unknown {
     /// u of [the module](self): 2 (p + P) of a red node, 2 (p - P) of a black one; see [`Unknown::absent`].
     pub(crate) doubled: i32,
-    /// 4 b + 8 R of a red node, 4 b - 8 R of a black one.
+    /// 2 b + 4 R of a red node, 2 b - 4 R of a black one, shifted up by [`RHS_BITS`].
     pub(crate) rhs: i32,
 }
 
@@ -345,7 +373,7 @@ impl<const M: usize> Sor<M> {
         let at = COLOURS.map(|colour| Offsets::new(&config.grid, colour));
         let lines = Lines::new(self.unknowns.halves_mut(), config.couplings.halves(), &at);
         if let Some(lines) = lines {
-            lines.relax(config.overshoot_q32, sweeps);
+            lines.relax(config.overshoot_q32, config.short_by, sweeps);
         }
     }
 
@@ -364,7 +392,7 @@ impl<const M: usize> Sor<M> {
         let (own, sides) = self.unknowns.nodes_and_sides(&config.grid, colour);
         let couplings = config.couplings.nodes(&config.grid, colour);
         for ((unknown, &coupling), sides) in own.iter_mut().zip(couplings).zip(sides.iter()) {
-            if coupling.step_q31 > 0 {
+            if coupling.step > 0 {
                 coupling.relax(unknown, sides, colour, config.overshoot_q32);
             }
         }
@@ -375,7 +403,10 @@ impl<const M: usize> Sor<M> {
     #[inline(always)]
     fn relax_quads(&mut self, config: &SorConfig<M>, sweeps: u16) -> Option<Totals> {
         let (nodes, couplings) = (self.unknowns.halves_mut(), config.couplings.halves());
-        quads::relax(nodes, couplings, &config.grid, config.overshoot_q32, sweeps)
+        match config.short_by {
+            0 => quads::relax(nodes, couplings, &config.grid, config.overshoot_q32, sweeps),
+            _ => None,
+        }
     }
 
     /// [`Sor::relax`], and what is then known of all nodes together.

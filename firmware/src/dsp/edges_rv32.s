@@ -23,7 +23,7 @@
     mul {k}, {k}, {y}
     add {t}, {t}, {k}
     add \west, \west, {t}
-98: slli \west, \west, 2
+98: slli \west, \west, 1
     add \west, \west, {offset}
     sw \west, \node + 4({to})
 99:

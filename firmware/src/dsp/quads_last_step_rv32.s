@@ -5,7 +5,6 @@
     take_step {x}, {p}, {rhs}, \k, {q}
     lw {y}, 8 * (\at) + 4({each})
     sw {q}, 8 * (\at)({own})
-    srai {x}, {x}, 1
     andi {y}, {y}, 7
     mul {y}, {y}, {q}
     sub {x}, {x}, {y}

@@ -1,3 +1,6 @@
+// Steps have all their fraction bits.
+.macro widen x
+.endm
 // A node of each row, `i` columns from where the pointers are, with `w0` to `w3` in their wests; `e0` to `e3`
 // become the next ones' wests. Loads stand apart from what needs them.
 .macro column i, w0, w1, w2, w3, e0, e1, e2, e3
@@ -59,4 +62,5 @@
 .purgem column
 .purgem step
 .purgem take_step
+.purgem widen
 .purgem limit

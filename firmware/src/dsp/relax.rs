@@ -78,16 +78,17 @@ impl<'a> Lines<'a> {
         })
     }
 
-    /// Relaxes the nodes of one colour after the other, `sweeps` times, with omega - 1 in Q32.
-    pub(crate) fn relax(self, overshoot_q32: u32, sweeps: u16) {
+    /// Relaxes the nodes of one colour after the other, `sweeps` times, with omega - 1 in Q32 and steps that are
+    /// `short_by` bits short of 32 fraction bits.
+    pub(crate) fn relax(self, overshoot_q32: u32, short_by: u32, sweeps: u16) {
         let [red, black] = &self.lines;
         for _ in 0..sweeps {
             // SAFETY: `Line::new` found each pointer to be followed by as many places within its half,
             // which the lifetime lends for this value alone. A line writes its own half and reads the other.
             #[allow(unsafe_code)]
             unsafe {
-                red.relax::<true>(overshoot_q32);
-                black.relax::<false>(overshoot_q32);
+                red.relax::<true>(overshoot_q32, short_by);
+                black.relax::<false>(overshoot_q32, short_by);
             }
         }
     }
@@ -99,9 +100,10 @@ impl Line {
     /// # Safety
     /// The pointers are valid for as many places as there are, `own` for writes, and `west` for one.
     #[cfg(any(target_arch = "riscv32", armv7em))]
+    #[cfg_attr(armv7em, allow(unused_variables, reason = "its right-hand sides are shifted"))]
     #[allow(unsafe_code)]
     #[inline(always)]
-    unsafe fn relax<const RED: bool>(&self, overshoot_q32: u32) {
+    unsafe fn relax<const RED: bool>(&self, overshoot_q32: u32, short_by: u32) {
         let Self { own, west, east, north, south, couplings, places } = *self;
         let back = first_turn(places, TURN);
         let end = own.wrapping_add(places).wrapping_sub(TURN);
@@ -128,7 +130,7 @@ impl Line {
         #[cfg(target_arch = "riscv32")]
         run!(concat!(include_str!("limit_rv32.s"), include_str!("step_rv32.s"), include_str!("relax_rv32.s"),
                 include_str!("sides_rv32.s"), include_str!("long_turns_rv32.s"),
-                ".purgem take_step\n.purgem limit"), k = out(reg) _, rhs = out(reg) _,);
+                ".purgem take_step\n.purgem widen\n.purgem limit"), k = out(reg) _, rhs = out(reg) _, short_by = in(reg) short_by,);
         #[cfg(armv7em)]
         run!(include_str!("relax_armv7em.s"), out("r0") _,);
     }
@@ -138,13 +140,13 @@ impl Line {
     /// As above.
     #[cfg(not(any(target_arch = "riscv32", armv7em)))]
     #[allow(unsafe_code)]
-    unsafe fn relax<const RED: bool>(&self, overshoot_q32: u32) {
+    unsafe fn relax<const RED: bool>(&self, overshoot_q32: u32, _: u32) {
         // SAFETY: one place after the other of each, and the first one's west.
         unsafe {
             let mut west = *self.west;
             for i in 0..self.places {
                 let (coupling, east) = (*self.couplings.add(i), *self.east.add(i));
-                if coupling.step_q31 > 0 {
+                if coupling.step > 0 {
                     let sides = [west, east, *self.north.add(i), *self.south.add(i)];
                     let colour = if RED { 0 } else { 1 };
                     coupling.relax(&mut *self.own.add(i), sides, colour, overshoot_q32);
@@ -192,9 +194,12 @@ mod tests {
                     [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
                 let links = beside.map(|(x, y)| mask.contains(x, y));
                 let sides = [f - 1, f + 1, f - grid.stride, f + grid.stride];
-                let sides: Vec<_> =
-                    sides.into_iter().zip(links).filter_map(|(f, there)| there.then_some(f)).collect();
-                let coupling = Coupling::new(links).with_overshoot(overshoot);
+                let sides: Vec<_> = sides
+                    .into_iter()
+                    .zip(links)
+                    .filter_map(|(f, there)| there.then_some(f))
+                    .collect();
+                let coupling = Coupling::new(links).with_overshoot(overshoot, 1);
                 let (place, red) = (Place::new::<M>(f), f % 2 == 0);
                 // Anywhere, or where every second node is at its end.
                 let far = ((i128::from(overshoot) + (1 << 32)) << 27 >> 32) as i64;
@@ -211,7 +216,7 @@ mod tests {
             }
             let at = COLOURS.map(|colour| Offsets::new(&grid, colour));
             let lines = Lines::new(nodes.halves_mut(), couplings.halves(), &at).expect("room");
-            lines.relax(overshoot, 3);
+            lines.relax(overshoot, 1, 3);
             let product = |a: i64, b: i128, bits: u32| ((i128::from(a) * b) >> bits) as i64;
             for colour in [0, 1, 0, 1, 0, 1] {
                 for (f, sides, rhs) in cells.iter().filter(|(f, ..)| f % 2 == colour) {
@@ -221,7 +226,8 @@ mod tests {
                     }
                     // From the limit that is 0.
                     let limit = if colour == 0 { -middle } else { middle };
-                    let bracket: i64 = sides.iter().map(|&f| doubled[f] - limit).sum::<i64>() + 2 * rhs;
+                    let bracket: i64 =
+                        sides.iter().map(|&f| doubled[f] - limit).sum::<i64>() + 2 * rhs;
                     let step = ((1 << 32) + i128::from(overshoot) + degree) / (2 * degree);
                     let u = product(bracket, step, 31)
                         - product(doubled[*f] - limit, overshoot.into(), 32);

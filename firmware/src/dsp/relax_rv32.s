@@ -1,3 +1,7 @@
+// A bracket makes up for a fraction bit that its step is short of.
+.macro widen x
+    sll \x, \x, {short_by}
+.endm
 // A place, `node` bytes from where the pointers are. `west` has its west before and is lost; `east` becomes the next
 // place's west. Loads stand apart from what needs them.
 .macro place node, west, east

@@ -15,7 +15,6 @@
     mul {y}, {y}, {p}
     add \west, \west, {x}
     sub \west, \west, {y}
-    srai {rhs}, {rhs}, 1
     add \west, \west, {rhs}
     total \west, {p}, {x}, {y}
 99:

@@ -24,6 +24,8 @@ const QUARTER_WAVE_M: f64 = 133e-9;
 pub(crate) enum Pupil {
     /// The first two cells of the first row.
     Pair,
+    /// The first row, columns below some of it, and one cell by itself: nodes of one neighbour, and of none.
+    Comb,
     /// Those in the circle.
     Circle,
     /// All.
@@ -112,6 +114,9 @@ impl Pupil {
     fn mask(self, across: usize) -> Result<Mask, ConfigError> {
         match self {
             Self::Pair => Mask::from_fn(across, |x, y| x < 2 && y == 0),
+            Self::Comb => {
+                Mask::from_fn(across, |x, y| y == 0 || (x % 2 == 0 && x != 4) || [x, y] == [4, 5])
+            }
             Self::Circle => Mask::circle(across),
             Self::Square => Mask::square(across),
             Self::Spider => Mask::annulus(across, 0.3).map(Mask::with_spider),

@@ -79,4 +79,7 @@ pub(super) const SUBJECTS: &[Subject] = &[
     control(Instrument { name: "control-spider", pupil: Pupil::Spider, across: 7, ..SMALL }),
     solver("solver-circle-4", Pupil::Circle, 4),
     solver("solver-square-5", Pupil::Square, 5),
+    // Both kernels of the soft core: with nodes of one neighbour, and without.
+    solver("solver-comb-8", Pupil::Comb, 8),
+    solver("solver-circle-8", Pupil::Circle, 8),
 ];
