@@ -11,7 +11,7 @@
 //! ```
 //!
 //! X, Y are the tip and tilt, w e n s the neighbours to the west (x - 1), east, north (y - 1) and
-//! south, n_w = 1 where that neighbour exists. Absent neighbours are padded zeros of X, Y and p.
+//! south, n_w = 1 where that neighbour exists. Absent neighbours are padded zeros of X and Y.
 //! Red nodes are updated from black ones, then black from red: every masked 4-neighbour grid is
 //! bipartite, so that this has the optimal omega of lexicographic order and no order of its own
 //! within a colour.
