@@ -43,7 +43,7 @@ pub(crate) fn update<const M: usize>(
         // SAFETY: the instructions read what `Walk::new` found within the halves and as much of `each`, write as
         // much of `to`, and registers that are given here.
         unsafe {
-            asm!(concat!(include_str!("law_rv32.s"), include_str!("turns_rv32.s")),
+            asm!(concat!(include_str!("law_rv32.s"), include_str!("long_turns_rv32.s")),
                 own = inout(reg) own => _, east = inout(reg) east => _,
                 north = inout(reg) north => _, south = inout(reg) south => _,
                 to = inout(reg) to => _, each = inout(reg) each => _, end = in(reg) end,

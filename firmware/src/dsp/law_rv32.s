@@ -75,8 +75,8 @@
     place \node, {bx}, {by}, {ax}, {ay}
 .endm
 .macro step
-    addi {east}, {east}, 32
-    addi {north}, {north}, 32
-    addi {south}, {south}, 32
-    addi {to}, {to}, 32
+    addi {east}, {east}, 64
+    addi {north}, {north}, 64
+    addi {south}, {south}, 64
+    addi {to}, {to}, 64
 .endm

@@ -9,7 +9,7 @@ use crate::redblack::{Offsets, RedBlack};
 use core::marker::PhantomData;
 
 /// Places a turn, but where one says otherwise.
-pub(super) const TURN: usize = 4;
+pub(super) const TURN: usize = if cfg!(target_arch = "riscv32") { 8 } else { 4 };
 
 /// Places by which the first turn's pointers are before the first place: it is entered behind them.
 pub(super) const fn first_turn(places: usize, turn: usize) -> usize {
