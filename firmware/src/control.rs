@@ -154,8 +154,20 @@ impl<const M: usize> Control<M> {
         changes: &RedBlack<Changes, M>,
     ) {
         let means = self.means(config, self.valid);
+        let Self { open_loop, command, .. } = self;
+        #[cfg(any(target_arch = "riscv32", armv7em))]
+        if law::update(open_loop, command, changes, grid, means).is_some() {
+            return;
+        }
         for colour in COLOURS {
-            self.update_colour(grid, colour, changes, means);
+            let around = open_loop.sides(grid, colour).iter();
+            let open_loop = open_loop.nodes(grid, colour).iter().zip(around);
+            let commands = command.nodes_mut(grid, colour).iter_mut();
+            for ((command, changes), (&own, around)) in
+                commands.zip(changes.nodes(grid, colour)).zip(open_loop)
+            {
+                changes.update(command, own, around, means);
+            }
         }
     }
 
@@ -163,32 +175,6 @@ impl<const M: usize> Control<M> {
     fn means(&self, config: &ControlConfig, count: u32) -> [i32; 2] {
         let inverse = reciprocal(count) * i64::from(config.mean == MeanSlope::Remove);
         self.sums.map(|sum| mean(sum << GUARD_BITS, inverse))
-    }
-
-    /// The new commands of one colour's nodes, of 16 x less `means`.
-    fn update_colour(
-        &mut self,
-        grid: &Grid,
-        colour: usize,
-        changes: &RedBlack<Changes, M>,
-        means: [i32; 2],
-    ) {
-        #[cfg(any(target_arch = "riscv32", armv7em))]
-        {
-            let Self { open_loop, command, .. } = self;
-            let _ = law::update(open_loop, command, changes, (grid, colour), means);
-        }
-        #[cfg(not(any(target_arch = "riscv32", armv7em)))]
-        {
-            let around = self.open_loop.sides(grid, colour).iter();
-            let open_loop = self.open_loop.nodes(grid, colour).iter().zip(around);
-            let commands = self.command.nodes_mut(grid, colour).iter_mut();
-            for ((command, changes), (&own, around)) in
-                commands.zip(changes.nodes(grid, colour)).zip(open_loop)
-            {
-                changes.update(command, own, around, means);
-            }
-        }
     }
 
     /// Makes the new commands of one colour, of the slopes that were taken since [`Control::begin`] and

@@ -1,5 +1,5 @@
-//! All nodes of one colour, in the machine's own instructions: what [`super::law`], [`super::edges`] and
-//! [`super::totals`] have in common.
+//! All nodes of one colour, in the machine's own instructions: what [`super::edges`], [`super::totals`] and the
+//! Cortex-M7's [`super::law`] have in common.
 //!
 //! Four places a turn, or eight, each with a constant offset: there is a pointer for each thing that is read or
 //! written, and it moves once a turn. Where there is no node the east is read, at most: the mask decides about
@@ -9,7 +9,7 @@ use crate::redblack::{Offsets, RedBlack};
 use core::marker::PhantomData;
 
 /// Places a turn, but where one says otherwise.
-pub(super) const TURN: usize = if cfg!(target_arch = "riscv32") { 8 } else { 4 };
+pub(super) const TURN: usize = 4;
 
 /// Places by which the first turn's pointers are before the first place: it is entered behind them.
 pub(super) const fn first_turn(places: usize, turn: usize) -> usize {
@@ -74,6 +74,7 @@ impl<'a, T: Copy + Default> Walk<'a, T> {
     }
 
     /// Where the first turn starts.
+    #[cfg(armv7em)]
     #[inline(always)]
     pub(super) fn start(&self) -> Start<T> {
         self.start_of(TURN)
