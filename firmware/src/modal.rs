@@ -34,7 +34,7 @@
 //! within 3 x 2^23 and d within 2^24, the sum over 2 x 1600 products is below 2^52, less the mean's part
 //! below 2^53. a and b are rounded once, to an ulp; C [a; b] sums 50 products below 2^48, and q of
 //! it 25 below 2^45, each rounded once to an ulp. a, b, C [a; b] and the correction saturate at +-2^30, x
-//! at 3 x 2^23, the range of x1. The means have the floor of 2^24 / count, low by less than 1e-4 of
+//! at 3 x 2^23, the range of x1. The means have the floor of 2^32 / count, low by less than 4e-7 of
 //! themselves.
 
 use crate::control::{Control, mean, reciprocal};

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 /// What is done with the mean slope over the valid subapertures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum MeanSlope {
-    /// Removed, of slopes and of commands: SPLASH cannot see a global tilt.
+    /// Removed: SPLASH cannot see a global tilt.
     #[default]
     Remove,
     /// Kept: a natural guide star shows the global tilt.

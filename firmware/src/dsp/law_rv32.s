@@ -1,94 +1,115 @@
-// A place, `node` bytes from where the pointers of nodes are. `west` becomes its own; `east` is the next
-// place's west. Loads stand apart from what needs them.
-.macro place node, west_x, west_y, east_x, east_y
-    lh {take}, \node / 2 + 2({each})
-    lw \east_x, \node({east})
-    lw \east_y, \node + 4({east})
-    beqz {take}, 99f
-    lw {p}, \node({north})
-    lw {q}, \node({south})
-    lw {c}, \node + 4({north})
-    lw {d}, \node + 4({south})
-    lw {x}, \node({own})
-    lw {y}, \node + 4({own})
-    // 8 x of the neighbours, and how many were measured.
+// A place: `to` and `each` are where its command and its gains are from their pointers, the others where its neighbours
+// are, the east from that of its own. `west` becomes what is taken of it; `east` is the next place's own. Loads stand
+// apart from what needs them.
+.macro place to, each, east, north, south, west_x, west_y, own_x, own_y, east_x, east_y
+    lw {gains}, \each({each})
+    lw \east_x, \east({own})
+    lw \east_y, \east + 4({own})
+    beqz {gains}, 99f
+    lw {p}, \north({north})
+    lw {known}, \south({south})
+    lw {c}, \north + 4({north})
+    lw {d}, \south + 4({south})
+    // 16 x of the neighbours, and how many were measured.
     add \west_x, \west_x, \east_x
-    add {p}, {p}, {q}
+    add {p}, {p}, {known}
     add \west_x, \west_x, {p}
-    andi {p}, \west_x, 7
-    slli {p}, {p}, 2
+    slli {known}, \own_x, 3
+    add {known}, {known}, \west_x
+    andi {known}, {known}, 15
+    slli {p}, {known}, 2
     add {p}, {p}, {inverses}
     lw {p}, 0({p})
     add \west_y, \west_y, \east_y
     add {c}, {c}, {d}
     add \west_y, \west_y, {c}
-    // Their weight, unless it was measured itself.
-    andi {valid}, {x}, 1
-    addi {q}, {valid}, -1
-    and {p}, {p}, {q}
-    andi \west_x, \west_x, -8
-    mulh \west_x, \west_x, {p}
-    mulh \west_y, \west_y, {p}
-    srai {x}, {x}, 3
-    srai {y}, {y}, 3
-    sub {x}, {x}, {mean_x}
-    sub {y}, {y}, {mean_y}
-    add {x}, {x}, \west_x
-    add {y}, {y}, \west_y
-    // Where x is not known nothing changes.
-    lh \west_x, \node / 2({each})
-    lw {c}, \node({to})
-    lw {d}, \node + 4({to})
-    or {p}, {p}, {valid}
-    neg {p}, {p}
-    srai {p}, {p}, 31
-    and \west_x, \west_x, {p}
-    and {take}, {take}, {p}
-    change {c}, {x}, \west_x, \west_y
-    sw {c}, \node({to})
-    change {d}, {y}, \west_x, \west_y
-    sw {d}, \node + 4({to})
-    // The sums of those that were measured: all of them, and that without the lowest bits.
-    neg {valid}, {valid}
-    and {c}, {c}, {valid}
-    and {d}, {d}, {valid}
-    add {low_c}, {low_c}, {c}
-    add {low_d}, {low_d}, {d}
-    srai {c}, {c}, 14
-    srai {d}, {d}, 14
-    add {high_c}, {high_c}, {c}
-    add {high_d}, {high_d}, {d}
+    // Their mean, unless it was measured itself.
+    mulhsu \west_x, \west_x, {p}
+    mulhsu \west_y, \west_y, {p}
+    lw {c}, \to({to})
+    lw {d}, \to + 4({to})
+    add \west_x, \west_x, \own_x
+    add \west_y, \west_y, \own_y
+    sub \west_x, \west_x, {mean_x}
+    sub \west_y, \west_y, {mean_y}
+    // Where x is not known it holds.
+    snez {known}, {known}
+    mul {gains}, {gains}, {known}
+    add {gains}, {gains}, {hold}
+    add {known}, {known}, {limit}
+    slli {p}, {gains}, 17
+    and {gains}, {gains}, {upper}
+    slli {c}, {c}, 2
+    slli {d}, {d}, 2
+    mulh {c}, {c}, {p}
+    mulh {d}, {d}, {p}
+    mulh \west_x, \west_x, {gains}
+    mulh \west_y, \west_y, {gains}
+    add {c}, {c}, {known}
+    add {d}, {d}, {known}
+    add {c}, {c}, \west_x
+    add {d}, {d}, \west_y
+    // Raised by the limit as they are: the lower one, then the upper.
+    sgtz \west_x, {c}
+    sgtz \west_y, {d}
+    mul {c}, {c}, \west_x
+    mul {d}, {d}, \west_y
+    sub {c}, {c}, {room}
+    sub {d}, {d}, {room}
+    srai \west_x, {c}, 31
+    srai \west_y, {d}, 31
+    and {c}, {c}, \west_x
+    and {d}, {d}, \west_y
+    add {c}, {c}, {highest}
+    add {d}, {d}, {highest}
+    sw {c}, \to({to})
+    sw {d}, \to + 4({to})
 99:
 .endm
 
-// `c` plus (drop c + take x) / 2^13, rounded. The upper parts of c and x need no rounding; what the
-// product has beside theirs fits 32 bits, so that it is known from its own lower ones.
-.macro change c, x, drop, t
-    srai {p}, \c, 13
-    srai {q}, \x, 13
-    mul {p}, {p}, \drop
-    mul {q}, {q}, {take}
-    mul \t, \c, \drop
-    mul \x, \x, {take}
-    add {p}, {p}, {q}
-    add \t, \t, \x
-    slli {q}, {p}, 13
-    add \t, \t, {half}
-    sub \t, \t, {q}
-    srai \t, \t, 13
-    add \c, \c, {p}
-    add \c, \c, \t
+// The `i`-th red place from where the pointers are, and the black one to its east: red and black are `half` before and
+// behind the pointers, or half as far.
+.macro red i, west_x, west_y, own_x, own_y, east_x, east_y
+    place 8 * \i - {half}, 4 * \i - {half} / 2, 8 * \i + {half}, 8 * \i + {half}, 8 * \i + {half}, \west_x, \west_y, \own_x, \own_y, \east_x, \east_y
+.endm
+.macro black i, west_x, west_y, own_x, own_y, east_x, east_y
+    place 8 * \i + {half}, 4 * \i + {half} / 2, 8 * \i + 8 - {half}, 8 * \i + 8 - {half}, 8 * \i + 8 - {half}, \west_x, \west_y, \own_x, \own_y, \east_x, \east_y
 .endm
 
-.macro even node
-    place \node, {ax}, {ay}, {bx}, {by}
-.endm
-.macro odd node
-    place \node, {bx}, {by}, {ax}, {ay}
-.endm
-.macro step
-    addi {east}, {east}, 32
-    addi {north}, {north}, 32
-    addi {south}, {south}, 32
-    addi {to}, {to}, 32
-.endm
+// The first turn is entered behind `p` pairs and a red place. Jumps to words' addresses: into the middle of one takes a
+// cycle more.
+.option push
+.option norvc
+.p2align 2
+    addi {p}, {p}, -2
+    bgtz {p}, 2f
+    beqz {p}, 13f
+    addi {p}, {p}, 1
+    beqz {p}, 12f
+    j 11f
+2:  addi {p}, {p}, -2
+    bltz {p}, 14f
+    beqz {p}, 15f
+    j 16f
+3:  red 0, {ax}, {ay}, {bx}, {by}, {cx}, {cy}
+11: black 0, {bx}, {by}, {cx}, {cy}, {ax}, {ay}
+    red 1, {cx}, {cy}, {ax}, {ay}, {bx}, {by}
+12: black 1, {ax}, {ay}, {bx}, {by}, {cx}, {cy}
+    red 2, {bx}, {by}, {cx}, {cy}, {ax}, {ay}
+13: black 2, {cx}, {cy}, {ax}, {ay}, {bx}, {by}
+    red 3, {ax}, {ay}, {bx}, {by}, {cx}, {cy}
+14: black 3, {bx}, {by}, {cx}, {cy}, {ax}, {ay}
+    red 4, {cx}, {cy}, {ax}, {ay}, {bx}, {by}
+15: black 4, {ax}, {ay}, {bx}, {by}, {cx}, {cy}
+    red 5, {bx}, {by}, {cx}, {cy}, {ax}, {ay}
+16: black 5, {cx}, {cy}, {ax}, {ay}, {bx}, {by}
+    addi {own}, {own}, 8 * {turn}
+    addi {north}, {north}, 8 * {turn}
+    addi {south}, {south}, 8 * {turn}
+    addi {to}, {to}, 8 * {turn}
+    addi {each}, {each}, 4 * {turn}
+    bne {own}, {end}, 3b
+.option pop
+.purgem place
+.purgem red
+.purgem black

@@ -1,4 +1,6 @@
-// Eight places a turn, as turns_rv32.s has four.
+// Eight places a turn, of what `even` and `odd` do; `step` moves what pointers there are beside these. The
+// first turn is entered behind `x` places. Jumps to words' addresses: into the middle of one takes a
+// cycle more.
 .option push
 .option norvc
 .p2align 2

@@ -1,5 +1,5 @@
-//! All nodes of one colour, in the machine's own instructions: what [`super::law`], [`super::edges`] and
-//! [`super::totals`] have in common.
+//! All nodes of one colour, in the machine's own instructions: what [`super::edges`], [`super::totals`] and the
+//! Cortex-M7's [`super::law`] have in common.
 //!
 //! Four places a turn, or eight, each with a constant offset: there is a pointer for each thing that is read or
 //! written, and it moves once a turn. Where there is no node the east is read, at most: the mask decides about
@@ -74,6 +74,7 @@ impl<'a, T: Copy + Default> Walk<'a, T> {
     }
 
     /// Where the first turn starts.
+    #[cfg(armv7em)]
     #[inline(always)]
     pub(super) fn start(&self) -> Start<T> {
         self.start_of(TURN)

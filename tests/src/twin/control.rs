@@ -61,11 +61,6 @@ impl Integrator {
                     *c = keep * *c + take * x;
                 }
             }
-            if self.removes_mean {
-                let valid = self.command.iter().zip(slopes).filter(|(_, s)| s.is_some());
-                let mean = mean(valid.map(|(c, _)| c[axis]));
-                self.command.iter_mut().for_each(|c| c[axis] -= mean);
-            }
         }
     }
 }

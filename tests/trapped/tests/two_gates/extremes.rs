@@ -139,7 +139,7 @@ fn step(instrument: &Instrument, path: &mut Path, size: f64, rng: &mut Rng) {
         let expected = law.command.as_flattened().iter().map(|c| c.clamp(-limit, limit));
         let found = path.commands().as_flattened().iter();
         let off = splash_tests::largest(found.zip(expected).map(|(&a, b)| f64::from(a) - b));
-        // Gradients of 15 bits of the largest of 1/4, and means that are off by count / 2^24, of x up to
+        // Gradients of 15 bits of the largest of 1/4, and means that are off by count / 2^32, of x up to
         // 2^24.6: 2^11 ulp of a and b of 2^28, as many times as the modes pass them on.
         let modes = model.gradients.len() as f64;
         let bound = 32.0 + f64::from(1 << 11) * 2.0 * modes * size * 3.8;
