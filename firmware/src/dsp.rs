@@ -30,7 +30,7 @@ pub(crate) mod rv32;
 #[cfg(any(target_arch = "riscv32", test))]
 pub(crate) mod rv32_wide;
 
-#[cfg(any(target_arch = "riscv32", test))]
+#[cfg(target_arch = "riscv32")]
 pub(crate) mod codes;
 
 #[cfg(any(target_arch = "riscv32", armv7em))]
