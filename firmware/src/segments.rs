@@ -23,7 +23,8 @@
 //! ```
 //!
 //! Whether a tip/tilt within +-2^23 can fail to fit, and a move be too fast, is known when the
-//! configuration is built (`Travel`); a mirror where neither can happen spends no time on it.
+//! configuration is built (`Travel`); a mirror where neither can happen, a free one, spends no time on it. Level is
+//! one where every tip/tilt fits at piston 0.
 //!
 //! **Scaling and overflow.** Targets in ulp: |p| < 2^29.4 with a global tilt's plane, |tip|, |tilt| <=
 //! 2^23; a position's |p| <= 2^28.6, the farthest limit and the largest q. Ratios t within +-16, in i16 with 10 to 15

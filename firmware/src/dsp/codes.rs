@@ -41,8 +41,8 @@ pub(crate) fn codes(
         assert!(size_of::<Step>() == 4);
     }
     let count = lines.len().min(heights_ulp.len()).min(codes.len());
-    // The first turn is entered behind one to four segments.
-    let back = 4 - count % 4;
+    // The first turn is entered behind one to eight segments.
+    let back = 8 - count % 8;
     let to = codes.as_mut_ptr();
     // SAFETY: the instructions read `count` of `lines` and `heights_ulp` and write as many of `codes`, which are as
     // long at least. Heights are within their actuators' limits, as every step of the mirror leaves them, and v below
@@ -54,9 +54,9 @@ pub(crate) fn codes(
             each = inout(reg) lines.as_ptr().wrapping_sub(back) => _,
             heights = inout(reg) heights_ulp.as_ptr().wrapping_sub(back) => _,
             to = inout(reg) to.wrapping_sub(back) => _,
-            end = in(reg) to.wrapping_add(count).wrapping_sub(4),
+            end = in(reg) to.wrapping_add(count).wrapping_sub(8),
             steps = in(reg) STEPS.as_ptr(),
-            h = inout(reg) count % 4 => _, s = out(reg) _, v = out(reg) _, e = out(reg) _,
+            h = inout(reg) count % 8 => _, s = out(reg) _, v = out(reg) _, e = out(reg) _,
             w = out(reg) _, x = out(reg) _, y = out(reg) _, options(nostack));
     }
 }

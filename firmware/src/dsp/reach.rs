@@ -59,8 +59,8 @@ pub(crate) fn reach<const M: usize>(
     let mut saturated = 0;
     #[cfg(target_arch = "riscv32")]
     {
-        // The first turn is entered behind one to four segments.
-        let back = 4 - count % 4;
+        // The first turn is entered behind one to eight segments.
+        let back = 8 - count % 8;
         // SAFETY: the instructions go through `count` of each slice, which are as long at least, and read and write
         // fields at places that they compare with how many there are; they write registers that are given here.
         unsafe {
@@ -74,12 +74,12 @@ pub(crate) fn reach<const M: usize>(
                 applied = inout(reg) applied.as_mut_ptr().wrapping_sub(back) => _,
                 positions = inout(reg) positions.as_mut_ptr().wrapping_sub(back) => _,
                 heights = inout(reg) heights_ulp.as_mut_ptr().wrapping_sub(back) => _,
-                end = in(reg) end.wrapping_sub(4),
+                end = in(reg) end.wrapping_sub(8),
                 unknowns = in(reg) unknowns, commands = in(reg) commands, places = in(reg) places,
                 raise = in(reg) raise, room = in(reg) ROOM, limit = in(reg) PISTON_LIMIT,
                 saturated = inout(reg) saturated,
                 a = out(reg) _, b = out(reg) _, c = out(reg) _, p = out(reg) _, s = out(reg) _,
-                t = out(reg) _, u = out(reg) _, v = out(reg) _, x = inout(reg) count % 4 => _,
+                t = out(reg) _, u = out(reg) _, v = out(reg) _, x = inout(reg) count % 8 => _,
                 y = out(reg) _, options(nostack));
         }
     }
