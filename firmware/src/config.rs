@@ -5,7 +5,7 @@
 //! leaves the bank as it was. The frame path borrows the bank, so that two of them can be swapped
 //! between frames.
 
-use crate::actuators::{Drive, Law, Response};
+use crate::actuators::{Drive, Law, Line, Response};
 use crate::calibration::Calibration;
 use crate::centroid::{EstimatorConfig, Template};
 use crate::control::{Changes, ControlConfig, Gains};
@@ -22,7 +22,7 @@ use crate::quality::QualityLimits;
 use crate::quantise::Quantiser;
 use crate::redblack::{Place, RedBlack};
 use crate::schedule::{self, Schedule};
-use crate::segments::{ACTUATORS, Segment, Travel};
+use crate::segments::{ACTUATORS, Lever, Segment, Travel};
 use crate::slopes::{SlopeCalibration, SlopeScale};
 use crate::sor::{Coupling, Node, SorConfig};
 use crate::spec::{SorSpec, Spec};
@@ -83,9 +83,13 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) nodes: heapless::Vec<Node, M>,
     pub(crate) sor: SorConfig<M>,
     pub(crate) segments: heapless::Vec<Segment, M>,
+    /// Of these.
+    pub(crate) levers: heapless::Vec<Lever, M>,
     pub(crate) travel: Travel,
     pub(crate) drive: Drive,
     pub(crate) responses: heapless::Vec<[Response; ACTUATORS], M>,
+    /// Of these.
+    pub(crate) lines: heapless::Vec<[Line; ACTUATORS], M>,
     pub(crate) timing: GateTiming,
     pub(crate) range: Range,
     pub(crate) short_frame: ShortFrame,
@@ -137,15 +141,18 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             nodes: heapless::Vec::new(),
             sor: SorConfig::EMPTY,
             segments: heapless::Vec::new(),
+            levers: heapless::Vec::new(),
             travel: Travel {
                 ratio_bits: 0,
                 slew_ulp: 0,
                 tilts_shrink: false,
                 slews: false,
+                is_level: false,
                 is_short: false,
             },
             drive: Drive { law: Law::Linear, spare_bits: 0 },
             responses: heapless::Vec::new(),
+            lines: heapless::Vec::new(),
             timing: GateTiming { delay_ns: 0, width_ns: 0, period_ns: 0, pulses_per_frame: 0 },
             range: Range { altitude_mm: 0, depth_mm: 0, zenith_mdeg: 0 },
             short_frame: ShortFrame::Mark,
@@ -233,7 +240,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.fill_modal(&quantiser, modal, count)?;
         self.schedule.fill(spec);
         self.fill_bank(&quantiser, spec);
-        self.travel = Travel::new(quantiser.ratio_bits, slew_ulp, &self.segments, &self.responses);
+        self.fill_mirror(quantiser.ratio_bits, slew_ulp);
         self.find_low_thresholds();
         self.fill_sor(spec.mask.across(), &spec.sor);
         Ok(())
@@ -261,7 +268,9 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.changes.fill(Changes::NONE);
         self.schedule.colours.clear();
         self.segments.clear();
+        self.levers.clear();
         self.responses.clear();
+        self.lines.clear();
     }
 
     /// Everything that is one entry a subaperture. All of it was checked; no push can fail.
@@ -289,6 +298,17 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.slots.sort_unstable_by_key(|slot| (slot.y0, slot.x0));
         self.find_order();
         Ok(())
+    }
+
+    /// Due behind a change of segments or responses.
+    pub(crate) fn fill_mirror(&mut self, ratio_bits: u32, slew_ulp: i32) {
+        self.travel = Travel::new(ratio_bits, slew_ulp, &self.segments, &self.responses);
+        self.levers.clear();
+        self.lines.clear();
+        for (segment, responses) in self.segments.iter().zip(&self.responses) {
+            let _ = self.levers.push(segment.lever(ratio_bits));
+            let _ = self.lines.push(responses.each_ref().map(Response::line));
+        }
     }
 
     /// Due behind a change of thresholds.

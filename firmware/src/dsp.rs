@@ -11,7 +11,7 @@
 //! | `rv32_wide` | the same, up to 16 bits | 1 |
 //!
 //! For RISC-V and the Cortex-M7 there is what is done to all nodes: `law`, the integrator, `edges`, the right-hand
-//! side, `relax`, a relaxation step of the pistons, `totals`, and `reach`, what segments of a free mirror show. For
+//! side, `relax`, a relaxation step of the pistons, `totals`, and `reach`, what segments of a level mirror show. For
 //! RISC-V alone there are `squares`, whole windows of 8 x 8 pixels of 12 bits, `spots`, what becomes of windows from
 //! their moments to their slopes, `quads`, relaxation of the pupils that it is fastest for, and `codes`. The suite,
 //! whose digests are the same on host and boards, is the test of these.
@@ -30,7 +30,7 @@ pub(crate) mod rv32;
 #[cfg(any(target_arch = "riscv32", test))]
 pub(crate) mod rv32_wide;
 
-#[cfg(any(target_arch = "riscv32", test))]
+#[cfg(target_arch = "riscv32")]
 pub(crate) mod codes;
 
 #[cfg(any(target_arch = "riscv32", armv7em))]

@@ -474,7 +474,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             }
         }
         let Travel { ratio_bits, slew_ulp, .. } = self.travel;
-        self.travel = Travel::new(ratio_bits, slew_ulp, &self.segments, &self.responses);
+        self.fill_mirror(ratio_bits, slew_ulp);
         let spec = SorSpec {
             omega: Some(self.omega),
             sweeps: Some(self.sor.warm_sweeps),

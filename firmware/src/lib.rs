@@ -87,6 +87,7 @@ mod quantise;
 mod readout;
 pub mod redblack;
 mod report;
+pub mod root;
 pub mod schedule;
 pub mod segments;
 pub mod slopes;

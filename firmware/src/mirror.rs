@@ -13,7 +13,9 @@
 //! there is nothing to be slow from: at a cold start, before the drive is on; and where another
 //! configuration's limits leave out what the mirror shows: limits come first.
 
-use crate::actuators::{self, Drive, Law, Response};
+#[cfg(not(target_arch = "riscv32"))]
+use crate::actuators::Line;
+use crate::actuators::{self, Drive, Law};
 use crate::config::Config;
 #[cfg(target_arch = "riscv32")]
 use crate::dsp;
@@ -21,7 +23,7 @@ use crate::dsp;
 use crate::dsp::reach::{Subapertures, reach};
 #[cfg(any(target_arch = "riscv32", armv7em))]
 use crate::redblack::RedBlack;
-use crate::segments::{self, ACTUATORS, FARTHEST, Move, Position, Segment};
+use crate::segments::{self, ACTUATORS, FARTHEST, Lever, Move, Position, Segment};
 #[cfg(any(target_arch = "riscv32", armv7em))]
 use crate::sor::Unknown;
 use core::fmt;
@@ -152,7 +154,8 @@ impl<const M: usize> Mirror<M> {
             return self.pass_freely(config, items, wanted, shown);
         }
         let limits = self.advance(config, items, move |segment, position, heights, mut item| {
-            let step = segment.advance(position, heights, wanted(&mut item), travel);
+            let (segment, lever) = segment;
+            let step = segment.advance(lever, position, heights, wanted(&mut item), travel);
             shown(item, step.position);
             step
         });
@@ -168,16 +171,16 @@ impl<const M: usize> Mirror<M> {
         mut wanted: impl FnMut(&mut W) -> Position,
         mut shown: impl FnMut(W, Position),
     ) -> Step<'_, M> {
-        let bits = config.travel.ratio_bits;
-        let limits = self.advance(config, items, move |segment, _, _, mut item| {
-            let step = segment.go(wanted(&mut item), bits);
+        let limits = self.advance(config, items, move |(segment, lever), _, _, mut item| {
+            let step = segment.go(lever, wanted(&mut item));
             shown(item, step.position);
             step
         });
         Step { mirror: self, limits }
     }
 
-    /// [`Mirror::pass_freely`] of commands and of pistons less `mean`, which what is shown is recorded of.
+    /// [`Mirror::pass_freely`] of commands and of pistons less `mean`, which what is shown is recorded of, for a
+    /// mirror whose [`Travel::is_level`](crate::segments::Travel).
     #[cfg(any(target_arch = "riscv32", armv7em))]
     #[inline(always)]
     pub(crate) fn reach<const P: usize, const B: usize, const K: usize>(
@@ -191,11 +194,12 @@ impl<const M: usize> Mirror<M> {
         let all = Subapertures {
             nodes: &config.nodes,
             segments: &config.segments,
+            levers: &config.levers,
             applied,
             positions: &mut self.positions,
             heights_ulp: &mut self.heights_ulp,
         };
-        let saturated = reach(all, unknowns, commands, mean, config.travel.ratio_bits);
+        let saturated = reach(all, unknowns, commands, mean);
         Step { mirror: self, limits: Limits { saturated: saturated as u16, slewed: 0 } }
     }
 
@@ -209,8 +213,8 @@ impl<const M: usize> Mirror<M> {
         ask: &mut dyn FnMut(usize, Position) -> Position,
     ) -> Limits {
         let travel = &config.travel;
-        let limits = self.walk(config, 0.., |segment, position, heights, i| {
-            segment.advance(position, heights, ask(i, position), travel)
+        let limits = self.walk(config, 0.., |(segment, lever), position, heights, i| {
+            segment.advance(lever, position, heights, ask(i, position), travel)
         });
         self.drive(config);
         limits
@@ -288,7 +292,7 @@ impl<const M: usize> Mirror<M> {
         &mut self,
         config: &Config<M, P, B, K>,
         items: impl Iterator<Item = W>,
-        go: impl FnMut(&Segment, Position, [i32; ACTUATORS], W) -> Move,
+        go: impl FnMut((&Segment, &Lever), Position, [i32; ACTUATORS], W) -> Move,
     ) -> Limits {
         self.walk(config, items, go)
     }
@@ -299,11 +303,12 @@ impl<const M: usize> Mirror<M> {
         &mut self,
         config: &Config<M, P, B, K>,
         items: impl Iterator<Item = W>,
-        mut go: impl FnMut(&Segment, Position, [i32; ACTUATORS], W) -> Move,
+        mut go: impl FnMut((&Segment, &Lever), Position, [i32; ACTUATORS], W) -> Move,
     ) -> Limits {
         let (mut saturated, mut slewed) = (0u32, 0u32);
         let state = self.positions.iter_mut().zip(&mut self.heights_ulp);
-        for ((item, segment), (position, heights_ulp)) in items.zip(&config.segments).zip(state) {
+        let segments = config.segments.iter().zip(&config.levers);
+        for ((item, segment), (position, heights_ulp)) in items.zip(segments).zip(state) {
             let step = go(segment, *position, *heights_ulp, item);
             *position = step.position;
             *heights_ulp = step.heights_ulp;
@@ -323,26 +328,20 @@ impl<const M: usize> Mirror<M> {
     ) {
         let Self { heights_ulp, codes, .. } = self;
         let Drive { law, spare_bits } = config.drive;
-        #[cfg(target_arch = "riscv32")]
-        if (law, spare_bits) == (Law::Quadratic, 0) {
-            return dsp::codes::codes(
-                &config.responses,
-                heights_ulp,
-                codes,
-                config.travel.is_short,
-            );
+        // One loop each: the law is the same for all, and most DACs have 16 bits.
+        if config.travel.is_short && (law, spare_bits) == (Law::Quadratic, 0) {
+            #[cfg(target_arch = "riscv32")]
+            dsp::codes::codes(&config.lines, heights_ulp, codes);
+            #[cfg(not(target_arch = "riscv32"))]
+            each(config.lines.iter().zip(heights_ulp.as_slice()).zip(codes), Line::code);
+            return;
         }
         let segments = config.responses.iter().zip(heights_ulp.as_slice()).zip(codes);
-        // One loop each: the law is the same for all, and most DACs have 16 bits.
-        match (law, spare_bits) {
-            (Law::Linear, _) => each(segments, |response, height| {
+        match law {
+            Law::Linear => each(segments, |response, height| {
                 actuators::code(Law::Linear, spare_bits, response, height)
             }),
-            #[cfg(not(target_arch = "riscv32"))]
-            (Law::Quadratic, 0) => each(segments, |response, height| {
-                actuators::code(Law::Quadratic, 0, response, height)
-            }),
-            (Law::Quadratic, _) => each(segments, |response, height| {
+            Law::Quadratic => each(segments, |response, height| {
                 actuators::code(Law::Quadratic, spare_bits, response, height)
             }),
         }
@@ -371,11 +370,11 @@ impl<const M: usize> Mirror<M> {
 
 /// Makes the codes of all segments.
 #[inline(always)]
-fn each<'a>(
+fn each<'a, R: 'a>(
     segments: impl Iterator<
-        Item = ((&'a [Response; ACTUATORS], &'a [i32; ACTUATORS]), &'a mut [u16; ACTUATORS]),
+        Item = ((&'a [R; ACTUATORS], &'a [i32; ACTUATORS]), &'a mut [u16; ACTUATORS]),
     >,
-    code: impl Fn(&Response, i32) -> u16,
+    code: impl Fn(&R, i32) -> u16,
 ) {
     for ((responses, heights_ulp), codes) in segments {
         let actuators = responses.iter().zip(heights_ulp).zip(codes);

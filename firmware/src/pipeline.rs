@@ -534,20 +534,18 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
         self.shows_commands = self.global_tilt.is_none() && config.travel.is_free();
         let Self { control, sor, commands, mirror, .. } = self;
         let (newest, applied) = control.recording();
-        let step = if self.shows_commands {
+        let step = match self.shows_commands {
             #[cfg(any(target_arch = "riscv32", armv7em))]
-            {
+            true if config.travel.is_level => {
                 mirror.reach(config, sor.unknowns_mut(), newest, applied, mean)
             }
-            #[cfg(not(any(target_arch = "riscv32", armv7em)))]
-            mirror.pass_freely(
+            true => mirror.pass_freely(
                 config,
                 config.nodes.iter().zip(applied),
                 move |(node, _)| asked(sor, newest, node, mean),
                 |(_, applied), position| *applied = position.tilt_ulp,
-            )
-        } else {
-            mirror.pass(
+            ),
+            false => mirror.pass(
                 config,
                 config.nodes.iter().zip(commands).zip(applied),
                 move |((node, command), _)| {
@@ -559,7 +557,7 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
                     let ([tip, tilt], [global_tip, global_tilt]) = (position.tilt_ulp, global_tilt);
                     *applied = [tip.wrapping_sub(global_tip), tilt.wrapping_sub(global_tilt)];
                 },
-            )
+            ),
         };
         report.saturated_actuators = step.limits.saturated;
         report.slewed_actuators = step.limits.slewed;

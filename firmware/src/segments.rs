@@ -23,17 +23,19 @@
 //! ```
 //!
 //! Whether a tip/tilt within +-2^23 can fail to fit, and a move be too fast, is known when the
-//! configuration is built (`Travel`); a mirror where neither can happen spends no time on it.
+//! configuration is built (`Travel`); a mirror where neither can happen, a free one, spends no time on it. Level is
+//! one where every tip/tilt fits at piston 0.
 //!
 //! **Scaling and overflow.** Targets in ulp: |p| < 2^29.4 with a global tilt's plane, |tip|, |tilt| <=
-//! 2^23; a position's |p| <= 2^28.6, the farthest limit and the largest q. Ratios t within +-16, in i16 with 10 to 15 fraction bits; a product with a tilt
-//! keeps 2^9 less of them (|.| < 2^29) and their sum is rounded once: |q| <= 2^28, low by at most
-//! 1/2 + 1/32 ulp. Limits within +-2^27. Scales are Q16 fractions from operands in
+//! 2^23; a position's |p| <= 2^28.6, the farthest limit and the largest q. Ratios t within +-16, in i16 with 10 to 15
+//! fraction bits, and with 25 for the frame path: times a tilt of 7 more bits they are the upper half of a product.
+//! Each of the two is rounded down: |q| <= 2^28, low by less than 2 ulp and by one in the mean, which all actuators
+//! alike take for piston. Limits within +-2^27. Scales are Q16 fractions from operands in
 //! quarters of an LSB up to 2^22 ([`fixed::ratio_q16`]), rounded down so that the result is inside.
 
 use crate::actuators::Response;
 use crate::error::{ConfigError, Field};
-use crate::fixed::{self, TILT_LIMIT, larger, mul_short, negative, positive, smaller};
+use crate::fixed::{self, TILT_LIMIT, larger, mul_high, negative, positive, smaller};
 use serde::{Deserialize, Serialize};
 
 /// Actuators of a segment.
@@ -45,8 +47,11 @@ pub(crate) const INFLUENCE_BITS: u32 = 13;
 /// Fraction bits that the ratios have at least, and at most.
 pub(crate) const RATIO_BITS: (u32, u32) = (10, 15);
 
-/// Bits that a product of a ratio and a tilt drops at once, so that it fits 32.
-pub(crate) const DROPPED: u32 = 9;
+/// Fraction bits that a [`Lever`] has.
+const LEVER_BITS: u32 = 25;
+
+/// Bits that a tilt is shifted by, so that the upper half of its product with a lever is a height.
+pub(crate) const TILT_SHIFT: u32 = 32 - LEVER_BITS;
 
 /// Farthest limit from flat, ulp: the stroke, 2^25, at an influence of a quarter.
 pub(crate) const FARTHEST: i32 = 1 << 27;
@@ -65,6 +70,22 @@ pub struct Segment {
     pub highest: [i32; ACTUATORS],
 }
 
+/// A segment's ratios with 25 fraction bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(transparent)]
+pub(crate) struct Lever([[i32; 2]; ACTUATORS]);
+
+impl Lever {
+    /// Height of each actuator at piston 0.
+    #[inline(always)]
+    fn tilted(&self, tilt_ulp: [i32; 2]) -> [i32; ACTUATORS] {
+        let [tip, tilt] = tilt_ulp.map(|tilt| tilt.wrapping_shl(TILT_SHIFT));
+        let tilted = |[tx, ty]: [i32; 2]| mul_high(tx, tip).wrapping_add(mul_high(ty, tilt));
+        let [t0, t1, t2] = self.0;
+        [tilted(t0), tilted(t1), tilted(t2)]
+    }
+}
+
 /// What the motion of all segments has in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Travel {
@@ -76,7 +97,9 @@ pub(crate) struct Travel {
     pub(crate) tilts_shrink: bool,
     /// Whether some motion between two limits is longer than `slew_ulp`.
     pub(crate) slews: bool,
-    /// Whether all actuators' responses and limits are [short](Response::is_short).
+    /// Whether at piston 0 every tip/tilt is in every segment's reach.
+    pub(crate) is_level: bool,
+    /// Whether all actuators' responses are [short](Response::is_short) within their limits.
     pub(crate) is_short: bool,
 }
 
@@ -127,7 +150,7 @@ pub(crate) struct Move {
 #[derive(Clone, Copy)]
 struct Fit {
     /// What it changes by: to the nearest that all actuators allow, and to the least that no lower limit
-    /// forbids where none will do, as rounding can have it by an ulp where exactly one did.
+    /// forbids where none will do, as rounding can have it by two ulp where exactly one did.
     change: i32,
     /// Actuators that were beyond their limits.
     saturated: u32,
@@ -154,11 +177,27 @@ impl Segment {
         rows.into_iter().any(|([ax, ay], &low)| {
             self.ratios.iter().zip(&self.highest).any(|([bx, by], &high)| {
                 let steepest = i64::from(ax.abs_diff(*bx)) + i64::from(ay.abs_diff(*by));
-                // Each q is off by less than one.
+                // Each q is low by less than two.
                 let taken = ((steepest * i64::from(TILT_LIMIT)) >> ratio_bits) + 3;
                 steepest > 0 && taken > i64::from(high) - i64::from(low)
             })
         })
+    }
+
+    /// Whether at piston 0 every tip and tilt within their limits is in reach.
+    fn is_level(&self, ratio_bits: u32) -> bool {
+        let limits = self.lowest.iter().zip(&self.highest);
+        self.ratios.iter().zip(limits).all(|([x, y], (&low, &high))| {
+            let steepest = i64::from(x.unsigned_abs()) + i64::from(y.unsigned_abs());
+            let taken = ((steepest * i64::from(TILT_LIMIT)) >> ratio_bits) + 3;
+            taken <= i64::from(high).min(-i64::from(low))
+        })
+    }
+
+    /// Its ratios, of so many fraction bits, with as many as levers have.
+    pub(crate) fn lever(&self, ratio_bits: u32) -> Lever {
+        let bits = LEVER_BITS.saturating_sub(ratio_bits);
+        Lever(self.ratios.map(|row| row.map(|t| i32::from(t).wrapping_shl(bits))))
     }
 
     /// Whether some actuator's whole range is more than a frame's motion.
@@ -167,19 +206,6 @@ impl Segment {
         ranges.into_iter().any(|((&low, &high), &influence)| {
             motion(high.wrapping_sub(low), influence) > slew_ulp.unsigned_abs()
         })
-    }
-
-    /// Height of each actuator at piston 0.
-    #[inline(always)]
-    fn tilted(&self, tilt_ulp: [i32; 2], ratio_bits: u32) -> [i32; ACTUATORS] {
-        let [tip, tilt] = tilt_ulp;
-        let (tip, tilt) = (tip.wrapping_shl(16 - DROPPED), tilt.wrapping_shl(16 - DROPPED));
-        let (rest, half) = (ratio_bits - DROPPED, (1 << (ratio_bits - DROPPED)) >> 1);
-        let tilted = |[tx, ty]: [i16; 2]| {
-            mul_short(tx, tip).wrapping_add(mul_short(ty, tilt)).wrapping_add(half) >> rest
-        };
-        let [t0, t1, t2] = self.ratios;
-        [tilted(t0), tilted(t1), tilted(t2)]
     }
 
     /// What the limits make of a piston that has brought the actuators to these heights, within 2^30.
@@ -201,8 +227,8 @@ impl Segment {
 
     /// Goes to `target` within limits, for a mirror of [`Travel::is_free`]: at most the piston gives way.
     #[inline(always)]
-    pub(crate) fn go(&self, target: Position, ratio_bits: u32) -> Move {
-        let heights = raised(self.tilted(target.tilt_ulp, ratio_bits), target.piston_ulp);
+    pub(crate) fn go(&self, lever: &Lever, target: Position) -> Move {
+        let heights = raised(lever.tilted(target.tilt_ulp), target.piston_ulp);
         let Fit { change, saturated } = self.fit(heights);
         Move {
             position: Position { piston_ulp: target.piston_ulp.wrapping_add(change), ..target },
@@ -216,19 +242,20 @@ impl Segment {
     #[inline(always)]
     pub(crate) fn advance(
         &self,
+        lever: &Lever,
         previous: Position,
         from_ulp: [i32; ACTUATORS],
         target: Position,
         travel: &Travel,
     ) -> Move {
         let mut position = target;
-        let mut tilted = self.tilted(target.tilt_ulp, travel.ratio_bits);
+        let mut tilted = lever.tilted(target.tilt_ulp);
         let wanted = target.piston_ulp;
         let Fit { mut change, saturated } = self.fit(raised(tilted, wanted));
         if travel.tilts_shrink {
             let scale = self.tilt_scale(tilted);
             position.tilt_ulp = target.tilt_ulp.map(|tilt| shrink(tilt, scale));
-            tilted = self.tilted(position.tilt_ulp, travel.ratio_bits);
+            tilted = lever.tilted(position.tilt_ulp);
             change = self.fit(raised(tilted, wanted)).change;
         }
         position.piston_ulp = wanted.wrapping_add(change);
@@ -240,7 +267,7 @@ impl Segment {
             slewed = motions.into_iter().map(|m| u32::from(m > travel.slew_ulp as u32)).sum();
             let longest = motions.into_iter().fold(0, |longest, m| larger(longest, m as i32));
             position = towards(previous, position, scale(travel.slew_ulp, longest));
-            tilted = self.tilted(position.tilt_ulp, travel.ratio_bits);
+            tilted = lever.tilted(position.tilt_ulp);
         }
         let limits = pairs(pairs(self.lowest, self.highest), tilted);
         // Inside by construction but for the rounding of the last products.
@@ -276,7 +303,7 @@ impl Segment {
             Some(nearest.max(-limit).min(limit) as i32)
         };
         let tilt_ulp = [solve(u * d - v * b)?, solve(a * v - c * u)?];
-        let [q0, ..] = self.tilted(tilt_ulp, ratio_bits);
+        let [q0, ..] = self.lever(ratio_bits).tilted(tilt_ulp);
         Some(Position { piston_ulp: h0.wrapping_sub(q0), tilt_ulp })
     }
 
@@ -325,6 +352,7 @@ impl Travel {
             slew_ulp,
             tilts_shrink: segments.iter().any(|segment| segment.can_shrink(ratio_bits)),
             slews: segments.iter().any(|segment| segment.can_slew(slew_ulp)),
+            is_level: segments.iter().all(|segment| segment.is_level(ratio_bits)),
         }
     }
 }
@@ -339,10 +367,10 @@ pub(crate) fn leaked(position: Position, part_q16: u16) -> Position {
 }
 
 /// Length of a step of `step_ulp` of piston in its actuator's own height, ulp, below 2^30: rounded up,
-/// with an ulp for the rounding of both heights, so that no actuator is ever faster than its limit.
+/// with two ulp for the rounding of both heights, so that no actuator is ever faster than its limit.
 #[inline(always)]
 fn motion(step_ulp: i32, influence: u16) -> u32 {
-    let product = u64::from(step_ulp.unsigned_abs() + 1) * u64::from(influence);
+    let product = u64::from(step_ulp.unsigned_abs() + 2) * u64::from(influence);
     ((product + (1 << INFLUENCE_BITS) - 1) >> INFLUENCE_BITS) as u32
 }
 
@@ -413,6 +441,48 @@ mod tests {
                 assert!(error <= 3.0 + largest / 32_768.0, "{heights:?}: {error}");
             }
         }
+    }
+
+    /// Against products in f64, which are exact, with tilts up to their limits.
+    #[test]
+    fn heights_are_low_by_less_than_two_ulp() {
+        let mut x = 1u32;
+        let mut next = || {
+            x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            x as i32
+        };
+        for _ in 0..20_000 {
+            for ratio_bits in RATIO_BITS.0..=RATIO_BITS.1 {
+                let ratios = [(); ACTUATORS].map(|()| [next(), next()].map(|t| (t >> 16) as i16));
+                let tilt_ulp =
+                    [next(), next()].map(|t| fixed::clamp(t >> (6 + (t & 7)), TILT_LIMIT));
+                let (segment, _) = segment();
+                let tilted = Segment { ratios, ..segment }.lever(ratio_bits).tilted(tilt_ulp);
+                for ([tx, ty], found) in
+                    ratios.map(|row| row.map(f64::from)).into_iter().zip(tilted)
+                {
+                    let [tip, tilt] = tilt_ulp.map(f64::from);
+                    let exact = (tx * tip + ty * tilt) / f64::from(1 << ratio_bits);
+                    let low = exact - f64::from(found);
+                    assert!((0.0..2.0).contains(&low), "{ratios:?} {tilt_ulp:?}: {low}");
+                }
+            }
+        }
+    }
+
+    /// Where the flat piston is in reach at the steepest tilt, and not where a limit is nearer than that.
+    #[test]
+    fn a_level_segment_reaches_every_tilt_at_piston_0() {
+        let (mut segment, _) = segment();
+        let [[x, y], ..] = segment.ratios.map(|row| row.map(|t| i32::from(t).abs()));
+        // Rounding is up to three ulp.
+        let limit = (((x + y) * (TILT_LIMIT >> 10)) >> 5) + 3;
+        assert!(!segment.is_level(15), "a limit of 2^20");
+        segment.lowest = [-(1 << 23); 3];
+        segment.highest = [limit, 1 << 23, 1 << 23];
+        assert!(segment.is_level(15));
+        segment.highest[0] -= 1;
+        assert!(!segment.is_level(15));
     }
 
     #[test]

@@ -161,7 +161,7 @@ fn global(rng: &mut Rng) -> [i32; 2] {
     }
 }
 
-/// Heights that a segment's codes give are within its actuators' limits to half a code, and codes
+/// Heights that a segment's codes give are within its actuators' limits to what codes are rounded by, and codes
 /// are within their DAC.
 #[test]
 fn heights_stay_within_limits() {
@@ -172,35 +172,34 @@ fn heights_stay_within_limits() {
             let (_, moves) = mirror.step(global(&mut rng), &mut rng);
             for (m, segment) in moves.iter().zip(&mirror.exact) {
                 for (actuator, &code) in m.codes.iter().enumerate() {
-                    let code = f64::from(code);
-                    assert!(code <= segment.top_code());
+                    assert!(f64::from(code) <= segment.top_code());
                     let [low, high] = segment.limits[actuator];
                     // The codes of the limits, in either direction of the response.
                     let ends = [low, high].map(|height| segment.code(actuator, height));
                     let [least, most] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
-                    // Half a code, and the response's own rounding.
-                    assert!(code >= least - 0.51 && code <= most + 0.51, "{code} {ends:?}");
+                    // What codes are rounded by, and the response's own rounding.
+                    let [first, last] = segment.exact_codes(code);
+                    assert!(last >= least - 0.01 && first <= most + 0.01, "{code} {ends:?}");
                 }
             }
         }
     }
 }
 
-/// Rounding of limits (inwards, by less than one) and of heights (half an ulp and a 32nd), ulp of
+/// Rounding of limits (inwards, by less than one) and of heights (down, by less than two), ulp of
 /// piston, as heights of the actuator that moves most.
 fn slack(segment: &Segment) -> f64 {
-    2.0 * largest(segment.heights([1.0, 0.0, 0.0]))
+    3.0 * largest(segment.heights([1.0, 0.0, 0.0]))
 }
 
-/// How far a code is from the law's for a height, which is rounded to an ulp of piston (half of it
-/// and a 32nd): near code 0 of a quadratic drive half an ulp is several codes.
+/// How far what a code may stand for is from the law's for a height, which is rounded down by less than
+/// two ulp of piston: near code 0 of a quadratic drive half an ulp is several codes.
 fn code_error(segment: &Segment, actuator: usize, height: f64, code: u16) -> f64 {
     let [low, high] = segment.limits[actuator];
-    let rounding = segment.heights([1.0, 0.0, 0.0])[actuator] * (0.5 + 1.0 / 32.0);
-    let ends =
-        [-rounding, rounding].map(|ulp| segment.code(actuator, (height + ulp).clamp(low, high)));
-    let code = f64::from(code);
-    f64::max(ends[0].min(ends[1]) - code, code - ends[0].max(ends[1]))
+    let rounding = 2.0 * segment.heights([1.0, 0.0, 0.0])[actuator];
+    let ends = [-rounding, 0.0].map(|ulp| segment.code(actuator, (height + ulp).clamp(low, high)));
+    let [first, last] = segment.exact_codes(code);
+    f64::max(ends[0].min(ends[1]) - last, first - ends[0].max(ends[1]))
 }
 
 /// The codes are those of the position that is reported, by the law of the drive.
@@ -222,7 +221,7 @@ fn codes_follow_the_law() {
                     let error = code_error(segment, actuator, height, m.codes[actuator]);
                     worst = worst.max(error);
                     count += 1;
-                    assert!(error <= 1.0, "{error}");
+                    assert!(error <= 0.05, "{error}");
                 }
             }
         }
@@ -253,7 +252,7 @@ fn responses_need_not_start_at_zero() {
                 for (m, segment) in moves.iter().zip(&mirror.stored) {
                     for (actuator, height) in segment.heights(m.to).into_iter().enumerate() {
                         let error = code_error(segment, actuator, height, m.codes[actuator]);
-                        assert!(error <= 1.0, "{law:?} {eighths:?}: {error}");
+                        assert!(error <= 0.05, "{law:?} {eighths:?}: {error}");
                     }
                 }
             }
@@ -322,9 +321,9 @@ fn saturated_actuators_are_counted() {
                     segment.heights(m.target).into_iter().zip(segment.limits)
                 {
                     let past = f64::max(low - height, height - high);
-                    // A height is rounded to an ulp before it is compared.
-                    least += u16::from(past > 1.0);
-                    most += u16::from(past > -1.0);
+                    // Height and limit are rounded before they are compared.
+                    least += u16::from(past > slack(segment));
+                    most += u16::from(past > -slack(segment));
                 }
             }
             let counted = report.saturated_actuators;

@@ -13,6 +13,7 @@ use splash_firmware::slopes::MeanSlope;
 use splash_firmware::spec::{Estimator, SorSpec};
 use splash_tests::frames::Rng;
 use splash_tests::instrument::{Instrument, Values, run_frame, step};
+use splash_tests::twin::mirror::exact_codes;
 use splash_tests::twin::pixels::watched_rows;
 
 const CELLS: usize = 10 * 10;
@@ -122,7 +123,7 @@ fn light(rng: &mut Rng, count: usize, bits: u8) -> Vec<u16> {
     (0..count).map(|_| if rng.below(100) < white { top } else { rng.below(range) } as u16).collect()
 }
 
-/// Where a code lies in the limits of its actuator, as heights of the stroke with half a code and
+/// Where a code lies in the limits of its actuator, as heights of the stroke with what codes are rounded by and
 /// 2^-28 of rounding.
 fn assert_codes_within(instrument: &Instrument, codes: &[[u16; 3]]) -> Result<(), TestCaseError> {
     let top = f64::from((1u32 << instrument.dac_bits) - 1);
@@ -135,7 +136,7 @@ fn assert_codes_within(instrument: &Instrument, codes: &[[u16; 3]]) -> Result<()
                 let v = if instrument.law == Law::Linear { part } else { part * part };
                 zero + (full - zero) * v
             };
-            let [a, b] = [-0.5, 0.5].map(|half| height(f64::from(code) + half));
+            let [a, b] = exact_codes(instrument.law, instrument.dac_bits, code).map(height);
             let rounding = 4e-9 * instrument.stroke_m;
             let (least, most) = (a.min(b) - rounding, a.max(b) + rounding);
             prop_assert!(

@@ -1,12 +1,11 @@
 // On the stack: the nodes, the unknowns, the commands, where what the mirror shows is recorded, twice the mean less
-// the pistons' room, how
-// many places there are, the ratios' half and bits, and the end of the segments.
+// the pistons' room, how many places there are, the levers, and the end of the segments.
     push {{r6, r7}}
-    sub sp, #40
-    ldm r0!, {{r1-r5}}
-    stm sp, {{r1-r5}}
+    sub sp, #32
+    ldm r0!, {{r1-r4}}
+    stm sp, {{r1-r4}}
     ldm r0, {{r1-r4}}
-    add r0, sp, #20
+    add r0, sp, #16
     stm r0, {{r1-r4}}
 2:  ldm sp, {{r0-r4, r6}}
     ldrh r5, [r0], #6
@@ -32,68 +31,58 @@
     str r3, [sp, #12]
     asr r0, r6, #1
     add r0, #{limit}
-    str r0, [r11]
-    // Heights.
-    lsl r1, r4, #{tilt_bits}
-    lsl r2, r5, #{tilt_bits}
-    ldm r10, {{r3-r5}}
-    ldrd r7, r8, [sp, #24]
-    smlawb r6, r1, r3, r7
-    smlawt r3, r2, r3, r6
-    smlawb r6, r1, r4, r7
-    smlawt r4, r2, r4, r6
-    smlawb r6, r1, r5, r7
-    smlawt r5, r2, r5, r6
-    asr r3, r8
-    asr r4, r8
-    asr r5, r8
-    add r3, r0
-    add r4, r0
-    add r5, r0
-    // What is left below and above, and how many are beyond.
-    ldrd r1, r2, [r10, #{lowest}]
-    ldr r6, [r10, #{lowest} + 8]
-    ldrd r7, r8, [r10, #{highest}]
-    ldr r9, [r10, #{highest} + 8]
-    sub r1, r3, r1
-    sub r2, r4, r2
-    sub r6, r5, r6
-    sub r7, r3
-    sub r8, r4
-    sub r9, r5
-    orr r0, r1, r7
-    add lr, lr, r0, lsr #31
-    orr r0, r2, r8
-    add lr, lr, r0, lsr #31
-    orr r0, r6, r9
-    add lr, lr, r0, lsr #31
-    // The least above and the least below, 0 at most: of a free mirror never both (see `reach`).
-    and r7, r7, r7, asr #31
-    sub r7, r8
-    and r7, r7, r7, asr #31
-    add r7, r8
-    sub r7, r9
-    and r7, r7, r7, asr #31
-    add r7, r9
-    sub r1, r2
-    and r1, r1, r1, asr #31
-    add r1, r2
-    sub r1, r6
-    and r1, r1, r1, asr #31
-    add r1, r6
-    and r1, r1, r1, asr #31
+    // Heights at piston 0.
+    lsl r1, r4, #{tilt_shift}
+    lsl r2, r5, #{tilt_shift}
+    ldr r9, [sp, #24]
+    ldm r9!, {{r3-r8}}
+    str r9, [sp, #24]
+    smmul r3, r3, r1
+    smmla r3, r4, r2, r3
+    smmul r4, r5, r1
+    smmla r4, r6, r2, r4
+    smmul r5, r7, r1
+    smmla r5, r8, r2, r5
+    // Limits on the piston's side of flat, less these. Below it all are written as their complements: order is reversed
+    // by that, and both sides have upper limits.
+    asr r1, r0, #31
+    bic r2, r1, #{highest} - {lowest} - 1
+    add r2, r10
+    ldrd r6, r7, [r2, #{highest}]
+    ldr r8, [r2, #{highest} + 8]
+    sub r6, r3
+    sub r7, r4
+    sub r8, r5
+    eor r6, r1
+    eor r7, r1
+    eor r8, r1
+    eor r0, r1
+    // What is left to them, and how many are beyond.
+    sub r6, r0
+    sub r7, r0
+    sub r8, r0
+    add lr, lr, r6, lsr #31
+    add lr, lr, r7, lsr #31
+    add lr, lr, r8, lsr #31
+    // The least of it, 0 at most.
+    and r6, r6, r6, asr #31
+    sub r6, r7
+    and r6, r6, r6, asr #31
+    add r6, r7
+    sub r6, r8
+    and r6, r6, r6, asr #31
+    add r6, r8
     // The piston gives way.
-    sub r7, r1
-    add r3, r7
-    add r4, r7
-    add r5, r7
+    add r6, r0
+    eor r6, r1
+    add r3, r6
+    add r4, r6
+    add r5, r6
     stm r12!, {{r3-r5}}
-    ldr r0, [r11]
-    add r0, r7
-    str r0, [r11], #12
+    str r6, [r11], #12
     add r10, #{segment}
-    ldr r0, [sp, #32]
+    ldr r0, [sp, #28]
     cmp r10, r0
     bne 2b
-9:  add sp, #40
+9:  add sp, #32
     pop {{r6, r7}}

@@ -1,20 +1,18 @@
-// An actuator's height from its ratios.
-.macro height h
-    slli {t}, \h, 16
-    and \h, \h, {upper}
-    mulh {t}, {t}, {x}
-    mulh \h, \h, {y}
-    add {t}, {t}, {half}
+// An actuator's height at piston 0, of which the first ratio is in a register, from the second.
+.macro tilted h, ratio
+    lw {t}, \ratio({levers})
+    mulh \h, \h, {x}
+    mulh {t}, {t}, {y}
     add \h, \h, {t}
-    sra \h, \h, {bits}
-    add \h, \h, {p}
 .endm
-// What is left above and below, and whether it is beyond.
-.macro room h, up, down
-    sub \up, \up, \h
-    sub \down, \h, \down
-    or {t}, \up, \down
-    srli {t}, {t}, 31
+// How far the piston may go by an actuator's limit, as the piston is written.
+.macro room limit, h
+    sub \limit, \limit, \h
+    xor \limit, \limit, {s}
+.endm
+// Whether the piston has gone beyond, to `t`, and to the actuators that have.
+.macro beyond limit
+    slt {t}, \limit, {p}
     add {saturated}, {saturated}, {t}
 .endm
 // The smaller of two, to the first.
@@ -24,10 +22,10 @@
     and \a, \a, {t}
     add \a, \a, \b
 .endm
-// A segment, so many bytes from where the pointers are. Loads stand apart from what needs them.
-.macro segment node, applied, position, segment
-    lhu {u}, \node({nodes})
-    lw {a}, \segment({segments})
+// A segment, so many from where the pointers are. Loads stand apart from what needs them.
+.macro segment i
+    lhu {u}, {node} * (\i)({nodes})
+    lw {a}, {lever} * (\i)({levers})
     bgeu {u}, {places}, 9f
     slli {u}, {u}, 3
     add {y}, {commands}, {u}
@@ -47,67 +45,80 @@
     and {p}, {p}, {t}
     add {b}, {b}, {p}
     sw {b}, 0({u})
-    sw {x}, \applied({applied})
-    sw {y}, \applied + 4({applied})
-    sw {x}, \position + 4({positions})
-    sw {y}, \position + 8({positions})
     srai {p}, {p}, 1
     add {p}, {p}, {limit}
-    lw {b}, \segment + 4({segments})
-    lw {c}, \segment + 8({segments})
-    slli {x}, {x}, {tilt_bits}
-    slli {y}, {y}, {tilt_bits}
-    height {a}
-    height {b}
-    height {c}
-    lw {x}, \segment + {highest}({segments})
-    lw {y}, \segment + {lowest}({segments})
-    lw {u}, \segment + {highest} + 4({segments})
-    lw {v}, \segment + {lowest} + 4({segments})
-    // The least above and the least below, 0 at most: of a free mirror never both (see `reach`).
-    room {a}, {x}, {y}
-    room {b}, {u}, {v}
-    srai {t}, {x}, 31
-    and {x}, {x}, {t}
-    smaller {x}, {u}
-    smaller {y}, {v}
-    lw {u}, \segment + {highest} + 8({segments})
-    lw {v}, \segment + {lowest} + 8({segments})
-    room {c}, {u}, {v}
-    smaller {x}, {u}
-    smaller {y}, {v}
-    srai {t}, {y}, 31
-    and {y}, {y}, {t}
+    sw {x}, 8 * (\i)({applied})
+    sw {y}, 8 * (\i) + 4({applied})
+    sw {x}, 12 * (\i) + 4({positions})
+    sw {y}, 12 * (\i) + 8({positions})
+    slli {x}, {x}, {tilt_shift}
+    slli {y}, {y}, {tilt_shift}
+    lw {b}, {lever} * (\i) + 8({levers})
+    lw {c}, {lever} * (\i) + 16({levers})
+    tilted {a}, {lever} * (\i) + 4
+    tilted {b}, {lever} * (\i) + 12
+    tilted {c}, {lever} * (\i) + 20
+    // Limits on the piston's side of flat. Below it is written as its complement, and so is what limits it: order
+    // is reversed by that, and both sides have upper limits.
+    srai {s}, {p}, 31
+    andi {u}, {s}, {lowest} - {highest}
+    add {u}, {u}, {segments}
+    lw {x}, {segment} * (\i) + {highest}({u})
+    lw {y}, {segment} * (\i) + {highest} + 4({u})
+    lw {v}, {segment} * (\i) + {highest} + 8({u})
+    room {x}, {a}
+    room {y}, {b}
+    room {v}, {c}
+    xor {p}, {p}, {s}
+    beyond {y}
+    beyond {v}
+    beyond {x}
+    sub {x}, {x}, {p}
+    mul {x}, {x}, {t}
+    add {x}, {x}, {p}
+    smaller {x}, {y}
+    smaller {x}, {v}
     // The piston gives way.
-    sub {x}, {x}, {y}
-    add {p}, {p}, {x}
-    add {a}, {a}, {x}
-    add {b}, {b}, {x}
-    add {c}, {c}, {x}
-    sw {p}, \position({positions})
-    sw {a}, \position({heights})
-    sw {b}, \position + 4({heights})
-    sw {c}, \position + 8({heights})
+    xor {p}, {x}, {s}
+    add {a}, {a}, {p}
+    add {b}, {b}, {p}
+    add {c}, {c}, {p}
+    sw {p}, 12 * (\i)({positions})
+    sw {a}, 12 * (\i)({heights})
+    sw {b}, 12 * (\i) + 4({heights})
+    sw {c}, 12 * (\i) + 8({heights})
 .endm
 
-// Two segments a turn; of an odd number the first turn has one. Jumps to words' addresses: into the middle of
-// one takes a cycle more.
+// Eight segments a turn; the first turn has what is over. Jumps to words' addresses: into the middle of one takes a
+// cycle more.
 .option push
 .option norvc
 .p2align 2
-    bnez {x}, 3f
-    j 4f
-2:  addi {nodes}, {nodes}, 2 * {node}
-    addi {segments}, {segments}, 2 * {segment}
-    addi {applied}, {applied}, 16
-    addi {positions}, {positions}, 24
-    addi {heights}, {heights}, 24
-    segment 0, 0, 0, 0
-3:  segment {node}, 8, 12, {segment}
-4:  bne {segments}, {end}, 2b
+    beqz {x}, 28f
+.irp last, 27, 26, 25, 24, 23, 22
+    addi {x}, {x}, -1
+    beqz {x}, \last\()f
+.endr
+    j 21f
+20: addi {nodes}, {nodes}, 8 * {node}
+    addi {segments}, {segments}, 8 * {segment}
+    addi {levers}, {levers}, 8 * {lever}
+    addi {applied}, {applied}, 64
+    addi {positions}, {positions}, 96
+    addi {heights}, {heights}, 96
+    segment 0
+21: segment 1
+22: segment 2
+23: segment 3
+24: segment 4
+25: segment 5
+26: segment 6
+27: segment 7
+28: bne {segments}, {end}, 20b
 9:
 .option pop
 .purgem segment
 .purgem smaller
+.purgem beyond
 .purgem room
-.purgem height
+.purgem tilted

@@ -7,6 +7,25 @@ use super::pixels::Numbers;
 use super::stored;
 use crate::instrument::{Instrument, STROKE_LSB, ULP_PER_LSB};
 
+/// Exact codes, the least and the most, of which a code may be what a drive makes: half a code to either side for
+/// rounding. A quadratic drive takes a root by lines that are within 0.27 of a 16-bit code, or within 12 of 2^24 of
+/// what it is the root of, which is one too low or too high itself.
+pub fn exact_codes(law: Law, dac_bits: u8, code: u16) -> [f64; 2] {
+    let code = f64::from(code);
+    match law {
+        Law::Linear => [code - 0.5, code + 0.5],
+        Law::Quadratic => {
+            let scale = f64::powi(2.0, i32::from(dac_bits));
+            let off = 0.5 + 0.27 * scale / 65_536.0;
+            let drive = 13.0 * f64::powi(2.0, -24) * scale * scale;
+            [-1.0, 1.0].map(|side: f64| {
+                let code = f64::max(code + side * off, 0.0);
+                f64::max(code * code + side * drive, 0.0).sqrt()
+            })
+        }
+    }
+}
+
 /// Piston, tip and tilt of a segment, ulp.
 pub type Place = [f64; 3];
 
@@ -21,6 +40,7 @@ pub struct Segment {
     /// Heights at code 0 and at the highest code, above the actuators' zero.
     response: [[f64; 2]; ACTUATORS],
     law: Law,
+    dac_bits: u8,
     top_code: f64,
 }
 
@@ -56,6 +76,7 @@ impl Segment {
             flat,
             response: instrument.response_m.at(i).map(|ends| ends.map(|m| m / lsb_m * ULP_PER_LSB)),
             law: instrument.law,
+            dac_bits: instrument.dac_bits,
             top_code: f64::powi(2.0, i32::from(instrument.dac_bits)) - 1.0,
         }
     }
@@ -111,6 +132,11 @@ impl Segment {
                 Law::Linear => part,
                 Law::Quadratic => f64::sqrt(part),
             }
+    }
+
+    /// Exact codes, the least and the most, of which `code` may be what the drive makes.
+    pub fn exact_codes(&self, code: u16) -> [f64; 2] {
+        exact_codes(self.law, self.dac_bits, code)
     }
 
     /// The height relative to flat that a code gives.

@@ -2,6 +2,7 @@
 
 use splash_firmware::fixed;
 use splash_firmware::inverse::Inverse;
+use splash_firmware::root;
 
 use crate::digest::{Digest, Hasher};
 use crate::generator::Generator;
@@ -23,13 +24,9 @@ pub(crate) fn digests() -> [(&'static str, Digest); 6] {
             hasher.u32(fixed::ratio_q16(term(), term().min(1 << 22)));
         }),
         over("square-root", |numbers, hasher| {
-            // Around a square, where the root has to step.
-            let root = numbers.bits() >> 16;
-            let square = root * root;
-            for v in [square.wrapping_sub(1), square, square + root, square.wrapping_add(root + 1)]
-            {
-                hasher.u32(fixed::square_root(v));
-            }
+            let v = numbers.edge(&[0, 1, u32::MAX, u32::MAX >> 4, u32::MAX >> 9]) >> 8;
+            hasher.u32(root::root(v));
+            hasher.u32(root::coarse_root(v, numbers.below(9)));
         }),
         over("multiply-unsigned", |numbers, hasher| {
             let a = numbers.edge(&[0, 1, u32::MAX, i32::MAX as u32, i32::MIN as u32]) as i32;

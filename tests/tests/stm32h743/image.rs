@@ -316,7 +316,8 @@ fn statics_lie_where_their_users_can_reach_them() {
         ("8geometry6QUEUES", "RAM", false),
         ("10interrupts4ROWS", "RAM", false),
         ("10interrupts6FRAMES", "RAM", false),
-        ("15splash_firmware5fixed5ROOTS", "RAM", false),
+        ("15splash_firmware4root5LINES", "RAM", false),
+        ("15splash_firmware4root5STEPS", "RAM", false),
         ("15splash_firmware7inverse8INVERSES", "RAM", false),
         ("15splash_firmware7control8INVERSES", "RAM", false),
     ];

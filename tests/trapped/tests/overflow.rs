@@ -13,6 +13,7 @@ use splash_firmware::slopes::MeanSlope;
 use splash_firmware::spec::{Estimator, SorSpec};
 use splash_tests::frames::Rng;
 use splash_tests::instrument::{Instrument, Values, run_frame};
+use splash_tests::twin::mirror::exact_codes;
 use splash_tests::twin::pixels::watched_rows;
 use splash_tests::with_big_stack;
 
@@ -127,7 +128,7 @@ fn extreme(mask: Mask, window: u8, variant: usize) -> Instrument {
     instrument
 }
 
-/// Heights in units of the stroke that a DAC code may stand for, given half a code of rounding.
+/// Heights in units of the stroke that a DAC code may stand for, given what codes are rounded by.
 fn height_range(instrument: &Instrument, code: u16) -> [f64; 2] {
     let top = f64::from((1u32 << instrument.dac_bits) - 1);
     let [[zero, full], _, _] = instrument.response_m.at(0);
@@ -138,7 +139,8 @@ fn height_range(instrument: &Instrument, code: u16) -> [f64; 2] {
         };
         (zero + (full - zero) * v) / instrument.stroke_m
     };
-    let ends = [height((f64::from(code) - 0.5).max(0.0)), height(f64::from(code) + 0.5)];
+    let exact = exact_codes(instrument.law, instrument.dac_bits, code);
+    let ends = exact.map(|code| height(code.max(0.0)));
     [ends[0].min(ends[1]), ends[0].max(ends[1])]
 }
 
