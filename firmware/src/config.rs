@@ -61,7 +61,11 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) window: usize,
     /// Windows in readout order: by first row, then first column.
     pub(crate) slots: heapless::Vec<Slot, M>,
-    /// Whether that is the order of their subapertures.
+    /// As these: bytes in a frame before a window's first pixel, modulo addresses.
+    pub(crate) starts: heapless::Vec<usize, M>,
+    /// Whether all these are words.
+    pub(crate) in_words: bool,
+    /// Whether the order of windows is that of their subapertures.
     pub(crate) in_order: bool,
     pub(crate) bank: Bank<P>,
     pub(crate) estimator: EstimatorConfig,
@@ -121,6 +125,8 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             low_thresholds: false,
             window: 0,
             slots: heapless::Vec::new(),
+            starts: heapless::Vec::new(),
+            in_words: false,
             in_order: false,
             bank: Bank::new(),
             estimator: EstimatorConfig::CentreOfGravity { peak_fraction: 0 },
@@ -255,6 +261,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
 
     fn clear(&mut self) {
         self.slots.clear();
+        self.starts.clear();
         self.modal.head = ModalHead::default();
         self.base_thresholds.clear();
         self.slopes.clear();
@@ -300,6 +307,13 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
     /// Due behind a change of slots.
     pub(crate) fn find_order(&mut self) {
         self.in_order = (0..).zip(&self.slots).all(|(i, slot)| slot.subaperture == i);
+        let width = usize::from(self.width);
+        self.starts.clear();
+        for slot in &self.slots {
+            let pixels = usize::from(slot.y0).wrapping_mul(width).wrapping_add(slot.x0.into());
+            let _ = self.starts.push(pixels.wrapping_mul(size_of::<u16>()));
+        }
+        self.in_words = self.starts.iter().all(|start| start.is_multiple_of(size_of::<u32>()));
     }
 
     fn fill_modal(

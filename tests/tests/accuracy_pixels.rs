@@ -84,8 +84,10 @@ fn compare(
                 Numbers::Stored => f64::from(measured.peak),
                 Numbers::Physical => seen.peak,
             };
+            history.near = [0.0; 2];
             if measured.flux > 0 {
                 history.centroid = pixels(measured);
+                history.near = history.centroid;
             }
         }
     }

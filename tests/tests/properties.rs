@@ -13,7 +13,7 @@ use splash_firmware::slopes::MeanSlope;
 use splash_firmware::spec::{Estimator, SorSpec};
 use splash_tests::frames::Rng;
 use splash_tests::instrument::{Instrument, Values, run_frame, step};
-use splash_tests::twin::pixels::watched_rows;
+use splash_tests::twin::pixels::watched;
 
 const CELLS: usize = 10 * 10;
 /// Windows of at most 9 x 9 pixels.
@@ -407,14 +407,15 @@ proptest! {
                 let floor = if brightest { sorted[n] } else { 0 };
                 let above = signal.iter().map(|&(x, y, s)| (x, y, s.saturating_sub(floor)));
                 assert_measured(found, moments(above, size))?;
-                // Of the first frame, the rows next to the window's centre.
-                let watched = watched_rows(size, 0.0);
-                let near = signal.iter().filter(|(_, y, _)| watched.contains(y));
+                // Of the first frame, the pixels next to the window's centre.
+                let [columns, rows] = watched(size, [0.0; 2]);
+                let is_near = |x: &usize, y: &usize| columns.contains(x) && rows.contains(y);
+                let near = signal.iter().filter(|(x, y, _)| is_near(x, y));
                 let brightest = near.clone().map(|&(_, _, s)| s).max();
                 prop_assert_eq!(Some(found.peak), brightest);
                 let inside = (size as i32 - 1) << 15;
                 prop_assert!(found.centroid_q16.iter().all(|c| c.abs() <= inside));
-                let raw = window(&plain, &pixels, i).filter(|(_, y, _)| watched.contains(y));
+                let raw = window(&plain, &pixels, i).filter(|(x, y, _)| is_near(x, y));
                 white += raw.zip(near).filter(|((_, _, p), (_, _, s))| *p == u16::MAX && *s > 0).count();
             }
             prop_assert_eq!(report.saturated_pixels, white as u32);

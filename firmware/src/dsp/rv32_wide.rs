@@ -9,7 +9,7 @@
 //! `before` adds up to the sum over pixels x of (W - x) s, which gives the moment without a
 //! multiplication a pixel, as in [`crate::centroid::row_moments`]: below 16 x 136 x 65535 < 2^28.
 
-use super::{Kernel, Rows, halves};
+use super::{Kernel, Rows, Watched, halves};
 use crate::centroid::RowSums;
 use crate::fixed;
 use crate::pixels::{Cut, Seen};
@@ -249,27 +249,24 @@ impl<const N: usize> Kernel<N> for Wide {
     }
 
     #[inline(always)]
-    fn note(self, (raw, floor): (&[u32; N], &[u32; N]), cut: Cut, seen: &mut Seen) {
-        let ([peak, ..], [saturated, ..]) = (&mut seen.peak, &mut seen.saturated);
+    fn watch(self, watched: Watched<'_>, cut: Cut) -> Seen {
         // The highest level that is not saturated: what is above takes one comparison.
         let grey = i32::from(cut.saturation.wrapping_sub(1));
         let excess = i32::from(cut.excess);
-        // Zero or what was seen before, which nothing below zero exceeds.
-        let (mut most, mut count) = (i32::from(*peak), 0);
-        for (&raw, &floor) in halves(raw).iter().zip(halves(floor)) {
+        // Zero, which nothing below it exceeds.
+        let (mut peak, mut saturated) = (0, 0);
+        for (&raw, &floor) in halves(watched.raw).iter().zip(halves(watched.floor)) {
             let raw = i32::from(raw);
             let signal = raw - i32::from(floor) - excess;
-            most = fixed::larger(signal, most);
-            count += i32::from(raw > grey) & i32::from(signal > 0);
+            peak = fixed::larger(signal, peak);
+            saturated += i32::from(raw > grey) & i32::from(signal > 0);
         }
-        *peak = most as u16;
-        *saturated = saturated.wrapping_add(count as u16);
+        Seen { peak: [peak as u16, 0], saturated: [saturated as u16, 0] }
     }
 
     #[inline(always)]
-    fn window(self, rows: Rows<'_, N>, row: (&[u32; N], &[u32; N]), cut: Cut) -> (RowSums, Seen) {
-        let mut seen = Seen::NOTHING;
-        self.note(row, cut, &mut seen);
+    fn window(self, rows: Rows<'_, N>, watched: Watched<'_>, cut: Cut) -> (RowSums, Seen) {
+        let seen = Kernel::<N>::watch(self, watched, cut);
         (row::square_sums(rows, cut.excess.into()).finish::<N>(), seen)
     }
 }

@@ -6,9 +6,9 @@
 
 use crate::centroid::Measurement;
 use crate::control::{GUARD_BITS, Taking};
-use crate::fixed::{CENTROID_BITS, TILT_LIMIT};
+use crate::fixed::TILT_LIMIT;
 use crate::inverse::{Cell, INVERSES, SPARE_BITS};
-use crate::pixels::{Seen, WATCHED};
+use crate::pixels::Seen;
 use crate::readout::{Tracking, Window};
 use crate::slopes::{HEADROOM, Slope, SlopeCalibration, SlopeScale};
 use crate::sor::Node;
@@ -22,8 +22,6 @@ pub(crate) struct Spots<'a> {
     pub(crate) next: &'a mut [Tracking],
     pub(crate) base_thresholds: &'a [u16],
     pub(crate) measurements: &'a mut [Measurement],
-    /// Pixels on a side.
-    pub(crate) size: usize,
     /// Of the last peak, Q16.
     pub(crate) peak_fraction: u16,
 }
@@ -40,8 +38,7 @@ pub(crate) struct Subapertures<'a, const M: usize> {
 }
 
 const _: () = assert!(
-    WATCHED == 1
-        && offset_of!(Measurement, centroid_q16) == 0
+    offset_of!(Measurement, centroid_q16) == 0
         && offset_of!(Node, place) == 0
         && TILT_LIMIT.trailing_zeros() >= 12
         && size_of::<Cell>() == 8
@@ -67,16 +64,15 @@ static LEADING_ZEROS: [u8; 512] = {
     zeros
 };
 
-/// Takes up to 64 windows of signals above floors, with gains without a shift to the left; if `LOW`, with low
-/// thresholds.
+/// Takes up to 64 windows of an even number of columns and rows, of signals above floors, with gains without a shift
+/// to the left; if `LOW`, with low thresholds.
 #[allow(unsafe_code)]
 #[inline(always)]
 pub(crate) fn take<const M: usize, const LOW: bool>(
     spots: Spots<'_>,
     subapertures: Subapertures<'_, M>,
 ) {
-    let Spots { windows, tracking, next, base_thresholds, measurements, size, peak_fraction } =
-        spots;
+    let Spots { windows, tracking, next, base_thresholds, measurements, peak_fraction } = spots;
     let Subapertures { calibration, applied, nodes, slopes, mut taking, scale, saturated_pixels } =
         subapertures;
     let lengths = [
@@ -99,8 +95,6 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
         from.wrapping_add(count + back).addr() as u32,
         u16::MAX.into(),
         peak_fraction.into(),
-        // The window's middle, and the half that rounds a row.
-        (size as u32) << (CENTROID_BITS - 1),
         scale.raise as u32,
         scale.right,
         2 * M as u32,
@@ -119,7 +113,7 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
             peak = const offset_of!(Window, seen) + offset_of!(Seen, peak),
             white = const offset_of!(Window, seen) + offset_of!(Seen, saturated),
             tracking = const size_of::<Tracking>(),
-            excess = const offset_of!(Tracking, excess), watched = const offset_of!(Tracking, watched),
+            excess = const offset_of!(Tracking, excess), near = const offset_of!(Tracking, near),
             measurement = const size_of::<Measurement>(),
             flux = const offset_of!(Measurement, flux), highest = const offset_of!(Measurement, peak),
             saturated = const offset_of!(Measurement, saturated),

@@ -15,8 +15,7 @@
     srli {t}, {u}, 23
     add {t}, {t}, {zeros}
     lbu {t}, 0({t})
-    seqz {z}, {d}
-    addi {z}, {z}, -1
+    lhu {z}, \i * {window} + {peak}({from})
     sll {u}, {u}, {t}
     add {s}, {s}, {t}
     // Its inverse, in `p`: the chord of its cell.
@@ -33,7 +32,6 @@
     sub {p}, {p}, {t}
     // The centroid.
     mulh {x}, {x}, {p}
-    lhu {t}, \i * {window} + {peak}({from})
     mulh {y}, {y}, {p}
     lhu {s}, \i * {window} + {peak} + 2({from})
     addi {x}, {x}, 256
@@ -46,11 +44,11 @@
     // The peak of both lanes, and what was taken off one.
     lhu {u}, \i * {window} + {white}({from})
     lhu {q}, \i * {window} + {white} + 2({from})
-    sub {s}, {t}, {s}
+    sub {s}, {z}, {s}
     srai {p}, {s}, 31
     and {s}, {s}, {p}
     lhu {p}, \i * {tracking} + {excess}({done})
-    sub {t}, {t}, {s}
+    sub {t}, {z}, {s}
     snez {s}, {t}
     mul {s}, {s}, {p}
     add {u}, {u}, {q}
@@ -70,22 +68,18 @@
     and {t}, {t}, {u}
 .endif
     mul {t}, {t}, {p}
-    lw {p}, 12({shared})
     lui {s}, 8
     add {t}, {t}, {s}
     srli {t}, {t}, 16
     sub {t}, {t}, {q}
-    lbu {q}, \i * {tracking} + {watched}({done})
     sgtz {s}, {t}
     mul {t}, {t}, {s}
     sh {t}, \i * {tracking} + {excess}({next})
-    // The row nearest the centroid; without flux the same as before.
-    add {t}, {y}, {p}
-    srai {t}, {t}, 16
-    sub {t}, {t}, {q}
-    and {t}, {t}, {z}
-    add {t}, {t}, {q}
-    sb {t}, \i * {tracking} + {watched}({next})
+    // The pixel nearest the centroid; without flux that is in the middle.
+    srai {t}, {x}, 16
+    srai {s}, {y}, 16
+    sb {t}, \i * {tracking} + {near}({next})
+    sb {s}, \i * {tracking} + {near} + 1({next})
     // The slope: products' upper halves, rounded and limited.
     lw {t}, \i * {calibration} + {reference}({cal})
     lw {s}, \i * {calibration} + {reference} + 4({cal})
@@ -103,8 +97,8 @@
     mulh {s}, {s}, {x}
     and {q}, {q}, {upper}
     mulh {q}, {q}, {y}
-    lw {p}, 16({shared})
-    lw {z}, 20({shared})
+    lw {p}, 12({shared})
+    lw {z}, 16({shared})
     add {t}, {t}, {u}
     add {s}, {s}, {q}
     add {t}, {t}, {p}
@@ -137,7 +131,7 @@
     or {x}, {x}, {y}
     xori {x}, {x}, 1
     lhu {z}, \i * {node}({nodes})
-    lw {u}, 24({shared})
+    lw {u}, 20({shared})
     sb {x}, \i * {slope} + {valid}({to})
     add {count}, {count}, {x}
     // What a flat mirror would have shown, and its place.

@@ -6,7 +6,6 @@
 
 use super::rv32::{Levels, ONES, SIGNS};
 use super::{Block, words};
-use crate::config::Slot;
 use crate::pixels::{Cut, Seen};
 use crate::readout::{Tracking, Window};
 use core::arch::asm;
@@ -14,7 +13,8 @@ use core::mem::offset_of;
 
 /// What there is of each window.
 pub(crate) struct Squares<'a> {
-    pub(crate) slots: &'a [Slot],
+    /// Bytes in a frame before its first pixel.
+    pub(crate) starts: &'a [usize],
     pub(crate) tracking: &'a [Tracking],
     /// 64 a window, of all windows; none where they do not start at a word's address.
     pub(crate) floors: &'a [u16],
@@ -34,13 +34,13 @@ const _: () = assert!(
 );
 
 /// Takes windows from the first on, of a block that starts with row `row`, and tells how many: less than all only
-/// where one is not in it, or does not start at a word's address.
+/// where one is not in it. All start at a word's address.
 #[allow(unsafe_code)]
 #[inline(always)]
 pub(crate) fn take(block: Block<'_>, row: u16, cut: Cut, squares: Squares<'_>) -> usize {
-    let Squares { slots, tracking, floors, windows } = squares;
+    let Squares { starts, tracking, floors, windows } = squares;
     let (floors, _) = words(floors).unwrap_or_default().as_chunks::<{ SIDE * WORDS }>();
-    let lengths = [slots.len(), tracking.len(), floors.len()];
+    let lengths = [starts.len(), tracking.len(), floors.len()];
     let count = lengths.into_iter().fold(windows.len(), usize::min);
     let Block { raw, stride } = block;
     // Words from a window's first to its last, of which the block may have as many once.
@@ -64,18 +64,17 @@ pub(crate) fn take(block: Block<'_>, row: u16, cut: Cut, squares: Squares<'_>) -
     let left: *mut Window;
     // SAFETY: the instructions go through `count` of each slice, which are as long at least, two a turn, of which
     // an odd first one is the second. Of `raw` they read what starts `room` words from its start at most, whole
-    // words, and has `span`; of floors the rows of a window, one of which is chosen by three bits. They write the
-    // windows, and registers that are given here.
+    // bytes, and has `span`; of floors those of a window. Its watched pixels are two words of its rows whatever
+    // `near` is: a row is three bits of it, and the first word the sum of two comparisons. They write the windows, and registers that are given here.
     unsafe {
         asm!(include_str!("squares_rv32.s"),
-            x0 = const offset_of!(Slot, x0), y0 = const offset_of!(Slot, y0), slots = const size_of::<Slot>(),
-            excess = const offset_of!(Tracking, excess), watched = const offset_of!(Tracking, watched),
+            excess = const offset_of!(Tracking, excess), near = const offset_of!(Tracking, near),
             trackings = const size_of::<Tracking>(), windows = const size_of::<Window>(),
             sum = const offset_of!(Window, moments.sum), mx = const offset_of!(Window, moments.x),
             my = const offset_of!(Window, moments.y),
             seen_peak = const offset_of!(Window, seen) + offset_of!(Seen, peak),
             seen_saturated = const offset_of!(Window, seen) + offset_of!(Seen, saturated),
-            slot = inout(reg) slots.as_ptr().wrapping_sub(odd) => _,
+            start = inout(reg) starts.as_ptr().wrapping_sub(odd) => _,
             tracking = inout(reg) tracking.as_ptr().wrapping_sub(odd) => _,
             floor = inout(reg) floors.as_ptr().wrapping_sub(odd) => _,
             window = inout(reg) first.wrapping_sub(odd) => left,

@@ -40,59 +40,43 @@
     add {a}, {a}, {b}
     add {pair}, {pair}, {a}
 .endm
-// Looks at a word of the watched row, before `odd` has the rows' sum its peak, `pair` how many are saturated, `k2`
-// and `k3` what takes a saturated pixel to its lane's top bit and ones. With that bit set, a signal less the peak so
-// far keeps it where it is no less, and less one where it is not zero.
-.macro note word, floor
-    add {e}, \word, {open}
-    add \word, \word, {k2}
-    sub {e}, {e}, \floor
-    sub \floor, {e}, {odd}
-    sub {e}, {e}, {k3}
-    and \word, \word, {e}
-    and {e}, \floor, {signs}
-    and \word, \word, {signs}
-    srli \word, \word, 15
-    add {pair}, {pair}, \word
-    srli \word, {e}, 15
-    sub {e}, {e}, \word
-    and \floor, \floor, {e}
-    add {odd}, {odd}, \floor
-.endm
-
 // The `i`-th window from where the pointers are; `out` is where it goes from one that is not to be taken.
 .macro square i, out
     // Its first pixel, in bytes from that of the rows.
-    lhu {b}, \i * {slots} + {y0}({slot})
-    lhu {a}, \i * {slots} + {x0}({slot})
+    lw {a}, \i * 4({start})
     lw {c}, 0({shared})
-    mul {b}, {b}, {stride}
     lw {d}, 4({shared})
-    slli {a}, {a}, 1
+    lb {e}, \i * {trackings} + {near} + 1({tracking})
     add {a}, {a}, {c}
-    add {a}, {a}, {b}
-    andi {b}, {a}, 2
-    bnez {b}, \out
     bltu {d}, {a}, \out
     lw {c}, 8({shared})
     lhu {open}, \i * {trackings} + {excess}({tracking})
-    lbu {e}, \i * {trackings} + {watched}({tracking})
-    lw {f}, 12({shared})
+    lb {f}, \i * {trackings} + {near}({tracking})
+    lw {b}, 12({shared})
     add {raw}, {a}, {c}
+    // Its watched row, 0 to 7, and the first of two words of that, here 2 less it: where column `near` is the second
+    // or third one of.
+    addi {e}, {e}, 4
     andi {e}, {e}, 7
     mul {a}, {e}, {stride}
     slli {e}, {e}, 4
-    mul {open}, {open}, {f}
+    mul {open}, {open}, {b}
+    slti {b}, {f}, -1
+    slti {c}, {f}, 1
+    add {b}, {b}, {c}
+    slli {b}, {b}, 2
+    sub {e}, {e}, {b}
+    sub {a}, {a}, {b}
     add {raw2}, {floor}, {e}
     add {raw1}, {raw}, {a}
     add {open}, {open}, {signs}
-    // The watched row, at `raw1` with its floors at `raw2`. Nothing was seen before its first word.
+    // Nothing was seen before the first word.
     lw {k2}, 16({shared})
     lw {k3}, 20({shared})
-    lw {a}, 0({raw1})
-    lw {c}, \i * 128 + 0({raw2})
-    lw {b}, 4({raw1})
-    lw {d}, \i * 128 + 4({raw2})
+    lw {a}, 8({raw1})
+    lw {c}, \i * 128 + 8({raw2})
+    lw {b}, 12({raw1})
+    lw {d}, \i * 128 + 12({raw2})
     add {e}, {a}, {open}
     add {a}, {a}, {k2}
     sub {e}, {e}, {c}
@@ -104,13 +88,22 @@
     srli {a}, {c}, 15
     sub {c}, {c}, {a}
     and {odd}, {e}, {c}
-    note {b}, {d}
-    lw {a}, 8({raw1})
-    lw {c}, \i * 128 + 8({raw2})
-    lw {b}, 12({raw1})
-    lw {d}, \i * 128 + 12({raw2})
-    note {a}, {c}
-    note {b}, {d}
+    // With its lane's top bit set, a signal less the first one keeps it where it is no less, and less one where it is
+    // not zero.
+    add {e}, {b}, {open}
+    add {b}, {b}, {k2}
+    sub {e}, {e}, {d}
+    sub {d}, {e}, {odd}
+    sub {e}, {e}, {k3}
+    and {b}, {b}, {e}
+    and {e}, {d}, {signs}
+    and {b}, {b}, {signs}
+    srli {b}, {b}, 15
+    add {pair}, {pair}, {b}
+    srli {b}, {e}, 15
+    sub {e}, {e}, {b}
+    and {d}, {d}, {e}
+    add {odd}, {odd}, {d}
     sw {odd}, \i * {windows} + {seen_peak}({window})
     sw {pair}, \i * {windows} + {seen_saturated}({window})
     // All rows.
@@ -202,7 +195,7 @@
 .p2align 2
 2:  square 1, 8f
     lw {a}, 24({shared})
-    addi {slot}, {slot}, 2 * {slots}
+    addi {start}, {start}, 8
     addi {tracking}, {tracking}, 2 * {trackings}
     addi {floor}, {floor}, 256
     addi {window}, {window}, 2 * {windows}
@@ -213,5 +206,4 @@
 .purgem signals
 .purgem upper
 .purgem lower
-.purgem note
 .purgem square
