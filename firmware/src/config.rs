@@ -80,6 +80,8 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) gain_exponent: u32,
     /// Of that.
     pub(crate) slope_scale: SlopeScale,
+    /// Whether no centroid of signals makes a slope that has to be limited.
+    pub(crate) free_slopes: bool,
     pub(crate) control: ControlConfig,
     /// Per node; zero where there is no subaperture.
     pub(crate) changes: RedBlack<Changes, M>,
@@ -137,6 +139,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             modal: ModalConfig::NONE,
             gain_exponent: 0,
             slope_scale: SlopeScale { right: 0, raise: 0, left: 0, limit: 0 },
+            free_slopes: false,
             control: ControlConfig { mean: crate::slopes::MeanSlope::Remove, delay: 0 },
             changes: RedBlack::new(Changes::NONE),
             tilt_max_age: 0,
@@ -240,7 +243,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.schedule.fill(spec);
         self.fill_bank(&quantiser, spec);
         self.travel = Travel::new(quantiser.ratio_bits, slew_ulp, &self.segments, &self.responses);
-        self.find_low_thresholds();
+        self.find_bounds();
         self.fill_sor(spec.mask.across(), &spec.sor);
         Ok(())
     }
@@ -298,10 +301,12 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         Ok(())
     }
 
-    /// Due behind a change of thresholds.
-    pub(crate) fn find_low_thresholds(&mut self) {
+    /// Due behind a change of thresholds or slopes.
+    pub(crate) fn find_bounds(&mut self) {
         let room = u16::MAX - self.bank.top;
         self.low_thresholds = self.base_thresholds.iter().all(|&base| base <= room);
+        let Self { slope_scale, window, .. } = self;
+        self.free_slopes = self.slopes.iter().all(|slope| slope.is_free(slope_scale, *window));
     }
 
     /// Due behind a change of slots.

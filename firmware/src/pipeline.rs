@@ -721,7 +721,8 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Sink<M>
     fn subapertures(&mut self, [first, next]: [usize; 2]) -> Option<Subapertures<'_, M>> {
         let Self { config, slopes, control, saturated_pixels, .. } = self;
         let ordinary = Special::new(&config.schedule, self.colour, self.lacking_q16).is_none();
-        if !ordinary || config.modal.is_on() || config.slope_scale.left != 0 {
+        let bounded = config.free_slopes && config.slope_scale.left == 0;
+        if !ordinary || config.modal.is_on() || !bounded {
             return None;
         }
         let (applied, taking) = control.taking(&config.control)?;

@@ -65,7 +65,27 @@ const DROPPED: u32 = 9;
 /// Bits that a centroid's difference has free above it.
 pub(crate) const HEADROOM: u32 = 7;
 
+impl SlopeCalibration {
+    /// Whether no centroid of signals, within (W - 1) / 2 pixels and two ulp of the centre of a window of this size,
+    /// makes a slope that has to be limited.
+    pub(crate) fn is_free(&self, scale: &SlopeScale, window: usize) -> bool {
+        let inside = (window as i64 - 1) << (CENTROID_BITS - 1);
+        let reach = self.reference_q16.map(|r| i64::from(r.unsigned_abs()) + inside + 2);
+        let within = (i64::from(scale.limit) << scale.right) - i64::from(scale.half());
+        self.gain.iter().all(|row| {
+            let products = row.iter().zip(reach).map(|(g, x)| i64::from(g.unsigned_abs()) * x);
+            // Both are rounded down.
+            (products.sum::<i64>() >> DROPPED) + 3 <= within
+        })
+    }
+}
+
 impl SlopeScale {
+    /// What rounds a slope that is not limited.
+    pub(crate) const fn half(&self) -> i32 {
+        self.raise - (self.limit << self.right)
+    }
+
     /// For gains of mantissa times 2^exponent ulp a pixel, 0 to 15.
     pub(crate) const fn new(exponent: u32) -> Self {
         let (down, up) = (CENTROID_BITS - DROPPED, exponent);
@@ -113,6 +133,43 @@ pub(crate) fn valid_in_proportion(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Slopes of the furthest centroids, with and without limits, of gains and references of all sizes.
+    #[test]
+    fn free_slopes_need_no_limits() {
+        let mut free = 0;
+        for (exponent, gain) in (0..8).flat_map(|e| (6..16).map(move |b| (e, i16::MAX >> (15 - b))))
+        {
+            let scale = SlopeScale::new(exponent);
+            for (window, reference) in [(8, 0), (8, 1 << 19), (16, -70_000), (32, 1 << 21)] {
+                let calibration = SlopeCalibration {
+                    reference_q16: [reference, -reference],
+                    gain: [[gain, -gain / 3], [gain / 5, -gain]],
+                    flux_min: 1,
+                    flux_max: 1,
+                };
+                if !calibration.is_free(&scale, window) {
+                    continue;
+                }
+                free += 1;
+                let edge = ((window as i32 - 1) << (CENTROID_BITS - 1)) + 2;
+                for centroid_q16 in [[edge, edge], [edge, -edge], [-edge, edge], [-edge, -edge]] {
+                    let measurement = Measurement { centroid_q16, ..Measurement::default() };
+                    let limited = slope(&calibration, scale, &measurement).tilt_ulp;
+                    let [x, y] = [0, 1].map(|axis| {
+                        f64::from(centroid_q16[axis] - calibration.reference_q16[axis]) / 65_536.0
+                    });
+                    for (tilt, [gx, gy]) in limited.into_iter().zip(calibration.gain) {
+                        let exact =
+                            f64::exp2(exponent.into()) * (f64::from(gx) * x + f64::from(gy) * y);
+                        assert!((f64::from(tilt) - exact).abs() <= 2.0, "{tilt} for {exact}");
+                        assert!(tilt.abs() < TILT_LIMIT);
+                    }
+                }
+            }
+        }
+        assert!(free > 100, "{free}");
+    }
 
     #[test]
     fn limits_shrink_with_the_pulses() {

@@ -6,7 +6,6 @@
 
 use crate::centroid::Measurement;
 use crate::control::{GUARD_BITS, Taking};
-use crate::fixed::TILT_LIMIT;
 use crate::inverse::{Cell, INVERSES, SPARE_BITS};
 use crate::pixels::Seen;
 use crate::readout::{Tracking, Window};
@@ -40,7 +39,6 @@ pub(crate) struct Subapertures<'a, const M: usize> {
 const _: () = assert!(
     offset_of!(Measurement, centroid_q16) == 0
         && offset_of!(Node, place) == 0
-        && TILT_LIMIT.trailing_zeros() >= 12
         && size_of::<Cell>() == 8
         && offset_of!(Cell, start) == 0
         // Two gains are read at once, and two lanes.
@@ -64,8 +62,8 @@ static LEADING_ZEROS: [u8; 512] = {
     zeros
 };
 
-/// Takes up to 64 windows of an even number of columns and rows, of signals above floors, with gains without a shift
-/// to the left; if `LOW`, with low thresholds.
+/// Takes up to 64 windows of an even number of columns and rows, of signals above floors, with slopes that
+/// need no limits and gains without a shift to the left; if `LOW`, with low thresholds.
 #[allow(unsafe_code)]
 #[inline(always)]
 pub(crate) fn take<const M: usize, const LOW: bool>(
@@ -95,7 +93,7 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
         from.wrapping_add(count + back).addr() as u32,
         u16::MAX.into(),
         peak_fraction.into(),
-        scale.raise as u32,
+        scale.half() as u32,
         scale.right,
         2 * M as u32,
     ];
@@ -125,7 +123,6 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
             node = const size_of::<Node>(), slope = const size_of::<Slope>(),
             tilt = const offset_of!(Slope, tilt_ulp), valid = const offset_of!(Slope, valid),
             headroom = const HEADROOM, guard = const GUARD_BITS,
-            room = const 2 * TILT_LIMIT, limit = const TILT_LIMIT,
             from = inout(reg) from => _, at = inout(reg) measurements.as_mut_ptr().wrapping_sub(back) => _,
             done = inout(reg) tracking.as_ptr().wrapping_sub(back) => _,
             next = inout(reg) next.as_mut_ptr().wrapping_sub(back) => _,

@@ -80,7 +80,7 @@
     srai {s}, {y}, 16
     sb {t}, \i * {tracking} + {near}({next})
     sb {s}, \i * {tracking} + {near} + 1({next})
-    // The slope: products' upper halves, rounded and limited.
+    // The slope: products' upper halves, rounded.
     lw {t}, \i * {calibration} + {reference}({cal})
     lw {s}, \i * {calibration} + {reference} + 4({cal})
     lw {u}, \i * {calibration} + {gain}({cal})
@@ -103,24 +103,10 @@
     add {s}, {s}, {q}
     add {t}, {t}, {p}
     add {s}, {s}, {p}
-    lui {p}, {room} >> 12
-    sra {t}, {t}, {z}
-    sra {s}, {s}, {z}
-    sgtz {x}, {t}
-    sgtz {y}, {s}
-    mul {t}, {t}, {x}
-    mul {s}, {s}, {y}
-    lui {z}, {limit} >> 12
-    sub {t}, {t}, {p}
-    sub {s}, {s}, {p}
-    srai {x}, {t}, 31
-    srai {y}, {s}, 31
-    and {t}, {t}, {x}
-    and {s}, {s}, {y}
     lw {x}, \i * {calibration} + {flux_min}({cal})
     lw {y}, \i * {calibration} + {flux_max}({cal})
-    add {t}, {t}, {z}
-    add {s}, {s}, {z}
+    sra {t}, {t}, {z}
+    sra {s}, {s}, {z}
     sw {t}, \i * {slope} + {tilt}({to})
     sw {s}, \i * {slope} + {tilt} + 4({to})
     // Whether the flux is within its limits.
