@@ -67,6 +67,19 @@ pub enum EstimatorConfig {
     },
 }
 
+impl EstimatorConfig {
+    /// Of the last peak, Q16.
+    #[inline(always)]
+    pub(crate) const fn peak_fraction(&self) -> u16 {
+        match *self {
+            Self::CentreOfGravity { peak_fraction } | Self::Weighted { peak_fraction, .. } => {
+                peak_fraction
+            }
+            Self::Brightest { .. } => 0,
+        }
+    }
+}
+
 /// One subaperture's measurement in one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

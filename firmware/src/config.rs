@@ -9,6 +9,8 @@ use crate::actuators::{Drive, Law, Response};
 use crate::calibration::Calibration;
 use crate::centroid::{EstimatorConfig, Template};
 use crate::control::{Changes, ControlConfig, Gains};
+#[cfg(target_arch = "riscv32")]
+use crate::dsp::spots::Limits;
 use crate::error::ConfigError;
 use crate::fixed::LENGTH_BITS;
 use crate::gate::{GateTiming, Range, ShortFrame};
@@ -56,7 +58,7 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) height: u16,
     /// Bits of a raw pixel.
     pub(crate) bits: u8,
-    /// Whether no signal, of raw values up to the highest, and fixed threshold come to more than 16 bits.
+    /// Whether raw values and fixed thresholds are below 2^15.
     pub(crate) low_thresholds: bool,
     pub(crate) window: usize,
     /// Windows in readout order: by first row, then first column.
@@ -74,6 +76,9 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) concurrent: usize,
     /// Mean fixed threshold of each window, signal units: the first gate's, then the second's.
     pub(crate) base_thresholds: heapless::Vec<u16, M>,
+    /// As these: what a kernel takes of them and of slopes.
+    #[cfg(target_arch = "riscv32")]
+    pub(crate) limits: heapless::Vec<Limits, M>,
     /// As these.
     pub(crate) slopes: heapless::Vec<SlopeCalibration, M>,
     pub(crate) modal: ModalConfig<M, K>,
@@ -135,6 +140,8 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             template: Template::EMPTY,
             concurrent: 0,
             base_thresholds: heapless::Vec::new(),
+            #[cfg(target_arch = "riscv32")]
+            limits: heapless::Vec::new(),
             slopes: heapless::Vec::new(),
             modal: ModalConfig::NONE,
             gain_exponent: 0,
@@ -267,6 +274,8 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.starts.clear();
         self.modal.head = ModalHead::default();
         self.base_thresholds.clear();
+        #[cfg(target_arch = "riscv32")]
+        self.limits.clear();
         self.slopes.clear();
         self.changes.fill(Changes::NONE);
         self.schedule.colours.clear();
@@ -303,10 +312,19 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
 
     /// Due behind a change of thresholds or slopes.
     pub(crate) fn find_bounds(&mut self) {
-        let room = u16::MAX - self.bank.top;
-        self.low_thresholds = self.base_thresholds.iter().all(|&base| base <= room);
+        let is_low = |level: u16| level <= i16::MAX as u16;
+        self.low_thresholds =
+            is_low(self.bank.top) && self.base_thresholds.iter().all(|&base| is_low(base));
         let Self { slope_scale, window, .. } = self;
         self.free_slopes = self.slopes.iter().all(|slope| slope.is_free(slope_scale, *window));
+        #[cfg(target_arch = "riscv32")]
+        {
+            let (low, fraction) = (self.low_thresholds, self.estimator.peak_fraction());
+            self.limits.clear();
+            for (&base, slope) in self.base_thresholds.iter().zip(&self.slopes) {
+                let _ = self.limits.push(Limits::new(base, fraction, low, slope));
+            }
+        }
     }
 
     /// Due behind a change of slots.

@@ -164,15 +164,10 @@ impl Shared {
     fn new<const M: usize, const P: usize, const B: usize, const K: usize>(
         config: &Config<M, P, B, K>,
     ) -> Self {
-        let peak_fraction = match config.estimator {
-            EstimatorConfig::CentreOfGravity { peak_fraction }
-            | EstimatorConfig::Weighted { peak_fraction, .. } => peak_fraction,
-            EstimatorConfig::Brightest { .. } => 0,
-        };
         Self {
             window: config.window,
             subtracted: u16::from(config.bank.convention == Convention::Subtract).wrapping_neg(),
-            peak_fraction,
+            peak_fraction: config.estimator.peak_fraction(),
         }
     }
 }
@@ -611,17 +606,16 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         ) else {
             return false;
         };
-        let (Some(windows), Some(tracking), Some(new), Some(base_thresholds), Some(measurements)) = (
+        let (Some(windows), Some(tracking), Some(new), Some(limits), Some(measurements)) = (
             self.windows.get(first..next),
             done.get(first..next),
             new.get_mut(first..next),
-            config.base_thresholds.get(first..next),
+            config.limits.get(first..next),
             measurements.get_mut(first..next),
         ) else {
             return false;
         };
-        let spots =
-            Spots { windows, tracking, next: new, base_thresholds, measurements, peak_fraction };
+        let spots = Spots { windows, tracking, next: new, limits, measurements, peak_fraction };
         spots::take::<M, LOW>(spots, subapertures);
         true
     }

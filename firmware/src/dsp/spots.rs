@@ -19,10 +19,31 @@ pub(crate) struct Spots<'a> {
     pub(crate) windows: &'a [Window],
     pub(crate) tracking: &'a [Tracking],
     pub(crate) next: &'a mut [Tracking],
-    pub(crate) base_thresholds: &'a [u16],
+    pub(crate) limits: &'a [Limits],
     pub(crate) measurements: &'a mut [Measurement],
     /// Of the last peak, Q16.
     pub(crate) peak_fraction: u16,
+}
+
+/// What a configuration has for a window, in the form in which it is needed here.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Limits {
+    /// If thresholds are low, what the next moving one has beyond the fixed one, Q16, but for the peak times its
+    /// fraction: half of the last place, and the fixed one's fraction less the fixed one. Else the fixed one.
+    threshold: i32,
+    /// Valid fluxes from the least one on.
+    flux_span: u32,
+}
+
+impl Limits {
+    /// Of a fixed threshold, below 2^15 if it is `low`.
+    pub(crate) fn new(base: u16, peak_fraction: u16, low: bool, slope: &SlopeCalibration) -> Self {
+        let base = i32::from(base);
+        // Above -2^31: at most 2^15 - 1 times 2^16.
+        let beyond = (1 << 15) - base.wrapping_mul((1 << 16) - i32::from(peak_fraction));
+        let flux_span = slope.flux_max.wrapping_sub(slope.flux_min).wrapping_add(1);
+        Self { threshold: if low { beyond } else { base }, flux_span }
+    }
 }
 
 /// What there is of each one's subaperture.
@@ -70,13 +91,13 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
     spots: Spots<'_>,
     subapertures: Subapertures<'_, M>,
 ) {
-    let Spots { windows, tracking, next, base_thresholds, measurements, peak_fraction } = spots;
+    let Spots { windows, tracking, next, limits, measurements, peak_fraction } = spots;
     let Subapertures { calibration, applied, nodes, slopes, mut taking, scale, saturated_pixels } =
         subapertures;
     let lengths = [
         tracking.len(),
         next.len(),
-        base_thresholds.len(),
+        limits.len(),
         measurements.len(),
         calibration.len(),
         applied.len(),
@@ -119,14 +140,15 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
             reference = const offset_of!(SlopeCalibration, reference_q16),
             gain = const offset_of!(SlopeCalibration, gain),
             flux_min = const offset_of!(SlopeCalibration, flux_min),
-            flux_max = const offset_of!(SlopeCalibration, flux_max),
+            limit = const size_of::<Limits>(), threshold = const offset_of!(Limits, threshold),
+            flux_span = const offset_of!(Limits, flux_span),
             node = const size_of::<Node>(), slope = const size_of::<Slope>(),
             tilt = const offset_of!(Slope, tilt_ulp), valid = const offset_of!(Slope, valid),
             headroom = const HEADROOM, guard = const GUARD_BITS,
             from = inout(reg) from => _, at = inout(reg) measurements.as_mut_ptr().wrapping_sub(back) => _,
             done = inout(reg) tracking.as_ptr().wrapping_sub(back) => _,
             next = inout(reg) next.as_mut_ptr().wrapping_sub(back) => _,
-            base = inout(reg) base_thresholds.as_ptr().wrapping_sub(back) => _,
+            limits = inout(reg) limits.as_ptr().wrapping_sub(back) => _,
             cal = inout(reg) calibration.as_ptr().wrapping_sub(back) => _,
             applied = inout(reg) applied.as_ptr().wrapping_sub(back) => _,
             nodes = inout(reg) nodes.as_ptr().wrapping_sub(back) => _,

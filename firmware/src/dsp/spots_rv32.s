@@ -52,26 +52,32 @@
     snez {s}, {t}
     mul {s}, {s}, {p}
     add {u}, {u}, {q}
-    lhu {q}, \i * 2({base})
+    lw {q}, \i * {limit} + {threshold}({limits})
     sh {u}, \i * {measurement} + {saturated}({at})
     add {saturated_sum}, {saturated_sum}, {u}
     add {t}, {t}, {s}
     sh {t}, \i * {measurement} + {highest}({at})
     // What the next moving threshold has beyond the fixed one.
     lw {p}, 8({shared})
+.if {low}
+    lw {u}, \i * {calibration} + {gain}({cal})
+    mul {t}, {t}, {p}
     add {t}, {t}, {q}
-.if {low} == 0
+    srai {t}, {t}, 16
+.else
     lw {u}, 4({shared})
+    add {t}, {t}, {q}
     srli {s}, {t}, 16
     neg {s}, {s}
     or {t}, {t}, {s}
     and {t}, {t}, {u}
-.endif
+    lw {u}, \i * {calibration} + {gain}({cal})
     mul {t}, {t}, {p}
     lui {s}, 8
     add {t}, {t}, {s}
     srli {t}, {t}, 16
     sub {t}, {t}, {q}
+.endif
     sgtz {s}, {t}
     mul {t}, {t}, {s}
     sh {t}, \i * {tracking} + {excess}({next})
@@ -83,7 +89,6 @@
     // The slope: products' upper halves, rounded.
     lw {t}, \i * {calibration} + {reference}({cal})
     lw {s}, \i * {calibration} + {reference} + 4({cal})
-    lw {u}, \i * {calibration} + {gain}({cal})
     lw {q}, \i * {calibration} + {gain} + 4({cal})
     sub {x}, {x}, {t}
     sub {y}, {y}, {s}
@@ -104,18 +109,16 @@
     add {t}, {t}, {p}
     add {s}, {s}, {p}
     lw {x}, \i * {calibration} + {flux_min}({cal})
-    lw {y}, \i * {calibration} + {flux_max}({cal})
+    lw {y}, \i * {limit} + {flux_span}({limits})
     sra {t}, {t}, {z}
     sra {s}, {s}, {z}
     sw {t}, \i * {slope} + {tilt}({to})
     sw {s}, \i * {slope} + {tilt} + 4({to})
     // Whether the flux is within its limits.
-    sltu {x}, {d}, {x}
-    sltu {y}, {y}, {d}
+    sub {x}, {d}, {x}
+    sltu {x}, {x}, {y}
     lw {p}, \i * 8({applied})
     lw {q}, \i * 8 + 4({applied})
-    or {x}, {x}, {y}
-    xori {x}, {x}, 1
     lhu {z}, \i * {node}({nodes})
     lw {u}, 20({shared})
     sb {x}, \i * {slope} + {valid}({to})
@@ -158,7 +161,7 @@
     addi {at}, {at}, 4 * {measurement}
     addi {done}, {done}, 4 * {tracking}
     addi {next}, {next}, 4 * {tracking}
-    addi {base}, {base}, 8
+    addi {limits}, {limits}, 4 * {limit}
     addi {cal}, {cal}, 4 * {calibration}
     addi {applied}, {applied}, 32
     addi {nodes}, {nodes}, 4 * {node}
