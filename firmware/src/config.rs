@@ -78,7 +78,7 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) base_thresholds: heapless::Vec<u16, M>,
     /// As these: what a kernel takes of them and of slopes.
     #[cfg(target_arch = "riscv32")]
-    pub(crate) limits: heapless::Vec<Limits, M>,
+    pub(crate) limits: heapless::Vec<Limits<M>, M>,
     /// As these.
     pub(crate) slopes: heapless::Vec<SlopeCalibration, M>,
     pub(crate) modal: ModalConfig<M, K>,
@@ -321,8 +321,9 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         {
             let (low, fraction) = (self.low_thresholds, self.estimator.peak_fraction());
             self.limits.clear();
-            for (&base, slope) in self.base_thresholds.iter().zip(&self.slopes) {
-                let _ = self.limits.push(Limits::new(base, fraction, low, slope));
+            let subapertures = self.base_thresholds.iter().zip(&self.slopes).zip(&self.nodes);
+            for ((&base, slope), node) in subapertures {
+                let _ = self.limits.push(Limits::new((base, low), fraction, slope, node));
             }
         }
     }

@@ -729,7 +729,6 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Sink<M>
         Some(Subapertures {
             calibration: config.slopes.get(first..next)?,
             applied: applied.get(first..next)?,
-            nodes: config.nodes.get(first..next)?,
             slopes: slopes.get_mut(first..next)?,
             taking,
             scale: config.slope_scale,

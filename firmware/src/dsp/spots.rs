@@ -15,11 +15,11 @@ use core::arch::asm;
 use core::mem::offset_of;
 
 /// What there is of each window.
-pub(crate) struct Spots<'a> {
+pub(crate) struct Spots<'a, const M: usize> {
     pub(crate) windows: &'a [Window],
     pub(crate) tracking: &'a [Tracking],
     pub(crate) next: &'a mut [Tracking],
-    pub(crate) limits: &'a [Limits],
+    pub(crate) limits: &'a [Limits<M>],
     pub(crate) measurements: &'a mut [Measurement],
     /// Of the last peak, Q16.
     pub(crate) peak_fraction: u16,
@@ -27,22 +27,31 @@ pub(crate) struct Spots<'a> {
 
 /// What a configuration has for a window, in the form in which it is needed here.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Limits {
+pub(crate) struct Limits<const M: usize> {
     /// If thresholds are low, what the next moving one has beyond the fixed one, Q16, but for the peak times its
     /// fraction: half of the last place, and the fixed one's fraction less the fixed one. Else the fixed one.
     threshold: i32,
     /// Valid fluxes from the least one on.
     flux_span: u32,
+    /// Bytes before the place of its subaperture's node among 2 `M` slopes.
+    place: u32,
 }
 
-impl Limits {
+impl<const M: usize> Limits<M> {
     /// Of a fixed threshold, below 2^15 if it is `low`.
-    pub(crate) fn new(base: u16, peak_fraction: u16, low: bool, slope: &SlopeCalibration) -> Self {
+    pub(crate) fn new(
+        (base, low): (u16, bool),
+        peak_fraction: u16,
+        slope: &SlopeCalibration,
+        node: &Node,
+    ) -> Self {
         let base = i32::from(base);
         // Above -2^31: at most 2^15 - 1 times 2^16.
         let beyond = (1 << 15) - base.wrapping_mul((1 << 16) - i32::from(peak_fraction));
         let flux_span = slope.flux_max.wrapping_sub(slope.flux_min).wrapping_add(1);
-        Self { threshold: if low { beyond } else { base }, flux_span }
+        // Never more, which memory safety relies on.
+        let place = node.place.index().min((2 * M).saturating_sub(1)) * size_of::<[i32; 2]>();
+        Self { threshold: if low { beyond } else { base }, flux_span, place: place as u32 }
     }
 }
 
@@ -50,7 +59,6 @@ impl Limits {
 pub(crate) struct Subapertures<'a, const M: usize> {
     pub(crate) calibration: &'a [SlopeCalibration],
     pub(crate) applied: &'a [[i32; 2]],
-    pub(crate) nodes: &'a [Node],
     pub(crate) slopes: &'a mut [Slope],
     pub(crate) taking: Taking<'a, M>,
     pub(crate) scale: SlopeScale,
@@ -59,7 +67,6 @@ pub(crate) struct Subapertures<'a, const M: usize> {
 
 const _: () = assert!(
     offset_of!(Measurement, centroid_q16) == 0
-        && offset_of!(Node, place) == 0
         && size_of::<Cell>() == 8
         && offset_of!(Cell, start) == 0
         // Two gains are read at once, and two lanes.
@@ -88,11 +95,11 @@ static LEADING_ZEROS: [u8; 512] = {
 #[allow(unsafe_code)]
 #[inline(always)]
 pub(crate) fn take<const M: usize, const LOW: bool>(
-    spots: Spots<'_>,
+    spots: Spots<'_, M>,
     subapertures: Subapertures<'_, M>,
 ) {
     let Spots { windows, tracking, next, limits, measurements, peak_fraction } = spots;
-    let Subapertures { calibration, applied, nodes, slopes, mut taking, scale, saturated_pixels } =
+    let Subapertures { calibration, applied, slopes, mut taking, scale, saturated_pixels } =
         subapertures;
     let lengths = [
         tracking.len(),
@@ -101,7 +108,6 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
         measurements.len(),
         calibration.len(),
         applied.len(),
-        nodes.len(),
         slopes.len(),
     ];
     let count = lengths.into_iter().fold(windows.len(), usize::min);
@@ -116,13 +122,12 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
         peak_fraction.into(),
         scale.half() as u32,
         scale.right,
-        2 * M as u32,
     ];
     let (mut sum_x, mut sum_y, mut valid, mut saturated) = (0i32, 0i32, 0u32, 0u32);
     let open_loop = taking.open_loop().halves_mut().as_flattened_mut().as_mut_ptr();
     // SAFETY: the instructions go through `count` of each slice, which are as long at least, a turn at once, the
     // first time behind `back` that are none; they write elements of those that are lent to be written, and of
-    // `open_loop` at places that they compare with how many there are, read the others and `shared`, and write
+    // `open_loop`, which has 2 M, at places that are in it, read the others and `shared`, and write
     // registers that are given here.
     unsafe {
         asm!(include_str!("spots_rv32.s"),
@@ -140,9 +145,9 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
             reference = const offset_of!(SlopeCalibration, reference_q16),
             gain = const offset_of!(SlopeCalibration, gain),
             flux_min = const offset_of!(SlopeCalibration, flux_min),
-            limit = const size_of::<Limits>(), threshold = const offset_of!(Limits, threshold),
-            flux_span = const offset_of!(Limits, flux_span),
-            node = const size_of::<Node>(), slope = const size_of::<Slope>(),
+            limit = const size_of::<Limits<M>>(), threshold = const offset_of!(Limits<M>, threshold),
+            flux_span = const offset_of!(Limits<M>, flux_span), place = const offset_of!(Limits<M>, place),
+            slope = const size_of::<Slope>(),
             tilt = const offset_of!(Slope, tilt_ulp), valid = const offset_of!(Slope, valid),
             headroom = const HEADROOM, guard = const GUARD_BITS,
             from = inout(reg) from => _, at = inout(reg) measurements.as_mut_ptr().wrapping_sub(back) => _,
@@ -151,7 +156,6 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
             limits = inout(reg) limits.as_ptr().wrapping_sub(back) => _,
             cal = inout(reg) calibration.as_ptr().wrapping_sub(back) => _,
             applied = inout(reg) applied.as_ptr().wrapping_sub(back) => _,
-            nodes = inout(reg) nodes.as_ptr().wrapping_sub(back) => _,
             to = inout(reg) slopes.as_mut_ptr().wrapping_sub(back) => _,
             shared = in(reg) shared.as_ptr(), open_loop = in(reg) open_loop, upper = in(reg) 0xffff_0000u32,
             sum_x = inout(reg) sum_x, sum_y = inout(reg) sum_y,

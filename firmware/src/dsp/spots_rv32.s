@@ -119,8 +119,7 @@
     sltu {x}, {x}, {y}
     lw {p}, \i * 8({applied})
     lw {q}, \i * 8 + 4({applied})
-    lhu {z}, \i * {node}({nodes})
-    lw {u}, 20({shared})
+    lw {z}, \i * {limit} + {place}({limits})
     sb {x}, \i * {slope} + {valid}({to})
     add {count}, {count}, {x}
     // What a flat mirror would have shown, and its place.
@@ -130,15 +129,12 @@
     mul {s}, {s}, {x}
     add {sum_x}, {sum_x}, {t}
     add {sum_y}, {sum_y}, {s}
-    bgeu {z}, {u}, 99f
-    slli {z}, {z}, 3
     add {z}, {z}, {open_loop}
     slli {t}, {t}, {guard}
     or {t}, {t}, {x}
     slli {s}, {s}, {guard}
     sw {t}, 0({z})
     sw {s}, 4({z})
-99:
 .endm
 
 // Four a turn; the first one is entered behind `t` of them. Jumps to words' addresses: into the middle of one takes a
@@ -164,7 +160,6 @@
     addi {limits}, {limits}, 4 * {limit}
     addi {cal}, {cal}, 4 * {calibration}
     addi {applied}, {applied}, 32
-    addi {nodes}, {nodes}, 4 * {node}
     addi {to}, {to}, 4 * {slope}
     bne {from}, {t}, 3b
 .purgem spot
