@@ -320,9 +320,10 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             #[cfg(target_arch = "riscv32")]
             let left = match Block::new(pixels, width) {
                 None => first,
-                Some(block) if W == 8 && config.in_words && Narrow::takes::<N>(&cut) => {
+                Some(block) if W == 8 && config.in_words => {
                     self.take_squares(config, met, block, cut)
                 }
+                Some(_) if W == 8 => first,
                 Some(block) if Narrow::takes::<N>(&cut) => {
                     self.take::<W, N, P, K>(config, met, &Whole { block, cut, kernel: Narrow })
                 }
@@ -345,7 +346,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         }
     }
 
-    /// [`Readout::take`] of windows of 8 x 8 pixels of 12 bits.
+    /// [`Readout::take`] of windows of 8 x 8 pixels.
     ///
     /// Not inlined: it needs all registers.
     #[cfg(target_arch = "riscv32")]

@@ -1,5 +1,5 @@
 //! Pixels of more than 12 bits with ordinary 32-bit instructions, one at a time: eight instructions
-//! each, in loops of a row; windows of 8 x 8 without a loop.
+//! each, in loops of a row. Windows of 8 x 8 pixels have a kernel of their own, in `squares`.
 //!
 //! ```text
 //! d = raw - floor - excess        s = d [d > 0]: a multiplication takes a cycle, and a mask two
@@ -96,62 +96,6 @@ mod row {
         };
     }
 
-    /// The first two of a row of 8 pixels, whose floors are from `y` bytes on.
-    macro_rules! begin {
-        () => {
-            signals!("{row}" "{b}": "0" "\\y" "2" "\\y + 2")
-        };
-    }
-
-    /// The others of it.
-    macro_rules! go_on {
-        ($($first:literal $first_floor:literal $second:literal $second_floor:literal)*) => {
-            concat!(
-                "add {before}, {before}, {row}\n",
-                "add {row}, {row}, {b}\n add {before}, {before}, {row}\n",
-                $(
-                    signals!("{a}" "{b}": $first $first_floor $second $second_floor),
-                    "add {row}, {row}, {a}\n add {before}, {before}, {row}\n",
-                    "add {row}, {row}, {b}\n add {before}, {before}, {row}\n",
-                )*
-            )
-        };
-    }
-
-    /// The sums of 8 x 8 pixels.
-    #[inline(always)]
-    fn square(raw: &[u32], stride: usize, floor: &[[u32; 4]; 8], excess: u32) -> Sums {
-        let (sum, before, running): (u32, u32, u32);
-        // SAFETY: as of `sums`; of `raw` it reads 4 words in each of 8 rows, those that have these floors.
-        #[allow(unsafe_code)]
-        unsafe {
-            asm!("li {before}, 0", "li {sum}, 0", "li {running}, 0",
-                ".irp y, 0, 16, 32, 48, 64, 80, 96, 112", begin!(),
-                go_on!("4" "\\y + 4" "6" "\\y + 6" "8" "\\y + 8" "10" "\\y + 10"
-                    "12" "\\y + 12" "14" "\\y + 14"),
-                "add {raw}, {raw}, {stride}", "add {sum}, {sum}, {row}",
-                "add {running}, {running}, {sum}", ".endr",
-                raw = inout(reg) raw.as_ptr() => _, stride = in(reg) stride.wrapping_mul(4),
-                floor = in(reg) floor.as_ptr(), excess = in(reg) excess,
-                sum = out(reg) sum, before = out(reg) before, running = out(reg) running,
-                a = out(reg) _, b = out(reg) _, c = out(reg) _, d = out(reg) _, row = out(reg) _,
-                options(pure, readonly, nostack));
-        }
-        Sums { sum, before, running }
-    }
-
-    /// The sums of a square window.
-    #[inline(always)]
-    pub(super) fn square_sums<const N: usize>(rows: Rows<'_, N>, excess: u32) -> Sums {
-        let Rows { raw, stride, floor } = rows;
-        if N == 4
-            && let ([floor], []) = floor.as_flattened().as_chunks().0.as_chunks()
-        {
-            return square(raw, stride, floor, excess);
-        }
-        sums(rows, excess)
-    }
-
     /// See [`super::sums`]; `N` is 4 or 8.
     #[inline(always)]
     pub(super) fn sums<const N: usize>(rows: Rows<'_, N>, excess: u32) -> Sums {
@@ -216,8 +160,6 @@ mod row {
         });
         sums
     }
-
-    pub(super) use self::sums as square_sums;
 }
 
 /// The kernel of up to 16 bits.
@@ -262,12 +204,6 @@ impl<const N: usize> Kernel<N> for Wide {
             saturated += i32::from(raw > grey) & i32::from(signal > 0);
         }
         Seen { peak: [peak as u16, 0], saturated: [saturated as u16, 0] }
-    }
-
-    #[inline(always)]
-    fn window(self, rows: Rows<'_, N>, watched: Watched<'_>, cut: Cut) -> (RowSums, Seen) {
-        let seen = Kernel::<N>::watch(self, watched, cut);
-        (row::square_sums(rows, cut.excess.into()).finish::<N>(), seen)
     }
 }
 

@@ -40,43 +40,17 @@
     add {a}, {a}, {b}
     add {pair}, {pair}, {a}
 .endm
-// The `i`-th window from where the pointers are; `out` is where it goes from one that is not to be taken.
-.macro square i, out
-    // Its first pixel, in bytes from that of the rows.
-    lw {a}, \i * 4({start})
-    lw {c}, 0({shared})
-    lw {d}, 4({shared})
-    lb {e}, \i * {trackings} + {near} + 1({tracking})
-    add {a}, {a}, {c}
-    bltu {d}, {a}, \out
-    lw {c}, 8({shared})
-    lhu {open}, \i * {trackings} + {excess}({tracking})
-    lb {f}, \i * {trackings} + {near}({tracking})
-    lw {b}, 12({shared})
-    add {raw}, {a}, {c}
-    // Its watched row, 0 to 7, and the first of two words of that, here 2 less it: where column `near` is the second
-    // or third one of.
-    addi {e}, {e}, 4
-    andi {e}, {e}, 7
-    mul {a}, {e}, {stride}
-    slli {e}, {e}, 4
-    mul {open}, {open}, {b}
-    slti {b}, {f}, -1
-    slti {c}, {f}, 1
-    add {b}, {b}, {c}
-    slli {b}, {b}, 2
-    sub {e}, {e}, {b}
-    sub {a}, {a}, {b}
-    add {raw2}, {floor}, {e}
-    add {raw1}, {raw}, {a}
-    add {open}, {open}, {signs}
-    // Nothing was seen before the first word.
-    lw {k2}, 16({shared})
-    lw {k3}, 20({shared})
+// Looks at the watched pixels: `odd` has their peaks and `pair` how many are saturated.
+.macro watch floors
+    lw {k3}, 16({shared})
+    lw {k2}, 12({shared})
+    mul {open}, {open}, {k3}
     lw {a}, 8({raw1})
-    lw {c}, \i * 128 + 8({raw2})
+    lw {c}, \floors + 8({raw2})
     lw {b}, 12({raw1})
-    lw {d}, \i * 128 + 12({raw2})
+    lw {d}, \floors + 12({raw2})
+    // Nothing was seen before the first word.
+    sub {open}, {signs}, {open}
     add {e}, {a}, {open}
     add {a}, {a}, {k2}
     sub {e}, {e}, {c}
@@ -104,6 +78,12 @@
     sub {e}, {e}, {b}
     and {d}, {d}, {e}
     add {odd}, {odd}, {d}
+.endm
+
+// The `i`-th window from where the pointers are; `out` is where it goes from one that is not to be taken.
+.macro square i, out
+    begin \i, \out
+    watch \i * 128
     sw {odd}, \i * {windows} + {seen_peak}({window})
     sw {pair}, \i * {windows} + {seen_saturated}({window})
     // All rows.
@@ -186,24 +166,3 @@
     sw {d}, \i * {windows} + {mx}({window})
     sw {half}, \i * {windows} + {my}({window})
 .endm
-
-// Two a turn; an odd first one enters in the middle. Jumps to words' addresses: into the middle of one takes a
-// cycle more.
-    bnez {a}, 2f
-.p2align 2
-3:  square 0, 9f
-.p2align 2
-2:  square 1, 8f
-    lw {a}, 24({shared})
-    addi {start}, {start}, 8
-    addi {tracking}, {tracking}, 2 * {trackings}
-    addi {floor}, {floor}, 256
-    addi {window}, {window}, 2 * {windows}
-    bne {window}, {a}, 3b
-    j 9f
-8:  addi {window}, {window}, {windows}
-9:
-.purgem signals
-.purgem upper
-.purgem lower
-.purgem square
