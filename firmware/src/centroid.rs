@@ -6,7 +6,7 @@
 //! ```text
 //! I  = sum s                < 2^26 (1024 pixels of 16 bits); weighted, < 2^42
 //! Mx = sum s (2x - (W-1))   <= 2^30 (65535 x 32 x 512); weighted, < 2^46
-//! cx = Mx 2^15 / I          i32, Q16 pixels, within 1 ulp of the exact quotient
+//! cx = Mx 2^15 / I          i32, Q16 pixels, rounded down and within 2^-20 of itself
 //! ```
 //!
 //! The sums stream: a window's row is added as it arrives and nothing is kept of it, except for

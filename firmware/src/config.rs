@@ -145,7 +145,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             slopes: heapless::Vec::new(),
             modal: ModalConfig::NONE,
             gain_exponent: 0,
-            slope_scale: SlopeScale { right: 0, raise: 0, left: 0, limit: 0 },
+            slope_scale: SlopeScale { up: 0, left: 0, limit: 0 },
             free_slopes: false,
             control: ControlConfig { mean: crate::slopes::MeanSlope::Remove, delay: 0 },
             changes: RedBlack::new(Changes::NONE),
@@ -315,15 +315,15 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         let is_low = |level: u16| level <= i16::MAX as u16;
         self.low_thresholds =
             is_low(self.bank.top) && self.base_thresholds.iter().all(|&base| is_low(base));
-        let Self { slope_scale, window, .. } = self;
-        self.free_slopes = self.slopes.iter().all(|slope| slope.is_free(slope_scale, *window));
+        let (scale, window) = (self.slope_scale, self.window);
+        self.free_slopes = self.slopes.iter().all(|slope| slope.is_free(scale, window));
         #[cfg(target_arch = "riscv32")]
         {
             let (low, fraction) = (self.low_thresholds, self.estimator.peak_fraction());
             self.limits.clear();
             let subapertures = self.base_thresholds.iter().zip(&self.slopes).zip(&self.nodes);
             for ((&base, slope), node) in subapertures {
-                let _ = self.limits.push(Limits::new((base, low), fraction, slope, node));
+                let _ = self.limits.push(Limits::new((base, low), fraction, (slope, scale), node));
             }
         }
     }

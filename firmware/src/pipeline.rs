@@ -731,7 +731,6 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Sink<M>
             applied: applied.get(first..next)?,
             slopes: slopes.get_mut(first..next)?,
             taking,
-            scale: config.slope_scale,
             saturated_pixels,
         })
     }

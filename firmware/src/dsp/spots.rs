@@ -33,6 +33,8 @@ pub(crate) struct Limits<const M: usize> {
     threshold: i32,
     /// Valid fluxes from the least one on.
     flux_span: u32,
+    /// Rows tip and tilt, columns x and y: as of [`SlopeScale::factor`].
+    gain: [[i32; 2]; 2],
     /// Bytes before the place of its subaperture's node among 2 `M` slopes.
     place: u32,
 }
@@ -42,7 +44,7 @@ impl<const M: usize> Limits<M> {
     pub(crate) fn new(
         (base, low): (u16, bool),
         peak_fraction: u16,
-        slope: &SlopeCalibration,
+        (slope, scale): (&SlopeCalibration, SlopeScale),
         node: &Node,
     ) -> Self {
         let base = i32::from(base);
@@ -51,7 +53,12 @@ impl<const M: usize> Limits<M> {
         let flux_span = slope.flux_max.wrapping_sub(slope.flux_min).wrapping_add(1);
         // Never more, which memory safety relies on.
         let place = node.place.index().min((2 * M).saturating_sub(1)) * size_of::<[i32; 2]>();
-        Self { threshold: if low { beyond } else { base }, flux_span, place: place as u32 }
+        Self {
+            threshold: if low { beyond } else { base },
+            flux_span,
+            gain: slope.gain.map(|row| row.map(|gain| scale.factor(gain))),
+            place: place as u32,
+        }
     }
 }
 
@@ -61,7 +68,6 @@ pub(crate) struct Subapertures<'a, const M: usize> {
     pub(crate) applied: &'a [[i32; 2]],
     pub(crate) slopes: &'a mut [Slope],
     pub(crate) taking: Taking<'a, M>,
-    pub(crate) scale: SlopeScale,
     pub(crate) saturated_pixels: &'a mut u32,
 }
 
@@ -69,9 +75,7 @@ const _: () = assert!(
     offset_of!(Measurement, centroid_q16) == 0
         && size_of::<Cell>() == 8
         && offset_of!(Cell, start) == 0
-        // Two gains are read at once, and two lanes.
-        && offset_of!(SlopeCalibration, gain).is_multiple_of(4)
-        && align_of::<SlopeCalibration>() == 4
+        // Two lanes.
         && size_of::<Seen>() == 8
         && SPARE_BITS == 6
 );
@@ -99,8 +103,7 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
     subapertures: Subapertures<'_, M>,
 ) {
     let Spots { windows, tracking, next, limits, measurements, peak_fraction } = spots;
-    let Subapertures { calibration, applied, slopes, mut taking, scale, saturated_pixels } =
-        subapertures;
+    let Subapertures { calibration, applied, slopes, mut taking, saturated_pixels } = subapertures;
     let lengths = [
         tracking.len(),
         next.len(),
@@ -116,13 +119,8 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
     }
     let back = count.wrapping_neg() % TURN;
     let from = windows.as_ptr().wrapping_sub(back);
-    let shared = [
-        from.wrapping_add(count + back).addr() as u32,
-        u16::MAX.into(),
-        peak_fraction.into(),
-        scale.half() as u32,
-        scale.right,
-    ];
+    let shared =
+        [from.wrapping_add(count + back).addr() as u32, u16::MAX.into(), peak_fraction.into()];
     let (mut sum_x, mut sum_y, mut valid, mut saturated) = (0i32, 0i32, 0u32, 0u32);
     let open_loop = taking.open_loop().halves_mut().as_flattened_mut().as_mut_ptr();
     // SAFETY: the instructions go through `count` of each slice, which are as long at least, a turn at once, the
@@ -143,7 +141,7 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
             saturated = const offset_of!(Measurement, saturated),
             calibration = const size_of::<SlopeCalibration>(),
             reference = const offset_of!(SlopeCalibration, reference_q16),
-            gain = const offset_of!(SlopeCalibration, gain),
+            gain = const offset_of!(Limits<M>, gain),
             flux_min = const offset_of!(SlopeCalibration, flux_min),
             limit = const size_of::<Limits<M>>(), threshold = const offset_of!(Limits<M>, threshold),
             flux_span = const offset_of!(Limits<M>, flux_span), place = const offset_of!(Limits<M>, place),
@@ -157,7 +155,7 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
             cal = inout(reg) calibration.as_ptr().wrapping_sub(back) => _,
             applied = inout(reg) applied.as_ptr().wrapping_sub(back) => _,
             to = inout(reg) slopes.as_mut_ptr().wrapping_sub(back) => _,
-            shared = in(reg) shared.as_ptr(), open_loop = in(reg) open_loop, upper = in(reg) 0xffff_0000u32,
+            shared = in(reg) shared.as_ptr(), open_loop = in(reg) open_loop,
             sum_x = inout(reg) sum_x, sum_y = inout(reg) sum_y,
             count = inout(reg) valid, saturated_sum = inout(reg) saturated,
             t = inout(reg) back => _, d = out(reg) _, x = out(reg) _, y = out(reg) _, s = out(reg) _,

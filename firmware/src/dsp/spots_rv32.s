@@ -34,10 +34,6 @@
     mulh {x}, {x}, {p}
     mulh {y}, {y}, {p}
     lhu {s}, \i * {window} + {peak} + 2({from})
-    addi {x}, {x}, 256
-    addi {y}, {y}, 256
-    srai {x}, {x}, 9
-    srai {y}, {y}, 9
     sw {x}, \i * {measurement}({at})
     sw {y}, \i * {measurement} + 4({at})
     sw {d}, \i * {measurement} + {flux}({at})
@@ -60,7 +56,7 @@
     // What the next moving threshold has beyond the fixed one.
     lw {p}, 8({shared})
 .if {low}
-    lw {u}, \i * {calibration} + {gain}({cal})
+    lw {u}, \i * {limit} + {gain}({limits})
     mul {t}, {t}, {p}
     add {t}, {t}, {q}
     srai {t}, {t}, 16
@@ -71,7 +67,7 @@
     neg {s}, {s}
     or {t}, {t}, {s}
     and {t}, {t}, {u}
-    lw {u}, \i * {calibration} + {gain}({cal})
+    lw {u}, \i * {limit} + {gain}({limits})
     mul {t}, {t}, {p}
     lui {s}, 8
     add {t}, {t}, {s}
@@ -86,32 +82,24 @@
     srai {s}, {y}, 16
     sb {t}, \i * {tracking} + {near}({next})
     sb {s}, \i * {tracking} + {near} + 1({next})
-    // The slope: products' upper halves, rounded.
+    // The slope: products' upper halves.
     lw {t}, \i * {calibration} + {reference}({cal})
     lw {s}, \i * {calibration} + {reference} + 4({cal})
-    lw {q}, \i * {calibration} + {gain} + 4({cal})
+    lw {p}, \i * {limit} + {gain} + 4({limits})
+    lw {q}, \i * {limit} + {gain} + 8({limits})
+    lw {z}, \i * {limit} + {gain} + 12({limits})
     sub {x}, {x}, {t}
     sub {y}, {y}, {s}
     slli {x}, {x}, {headroom}
     slli {y}, {y}, {headroom}
-    slli {t}, {u}, 16
-    mulh {t}, {t}, {x}
-    and {u}, {u}, {upper}
-    mulh {u}, {u}, {y}
-    slli {s}, {q}, 16
-    mulh {s}, {s}, {x}
-    and {q}, {q}, {upper}
-    mulh {q}, {q}, {y}
-    lw {p}, 12({shared})
-    lw {z}, 16({shared})
-    add {t}, {t}, {u}
-    add {s}, {s}, {q}
-    add {t}, {t}, {p}
-    add {s}, {s}, {p}
+    mulh {t}, {u}, {x}
+    mulh {p}, {p}, {y}
+    mulh {s}, {q}, {x}
+    mulh {z}, {z}, {y}
     lw {x}, \i * {calibration} + {flux_min}({cal})
     lw {y}, \i * {limit} + {flux_span}({limits})
-    sra {t}, {t}, {z}
-    sra {s}, {s}, {z}
+    add {t}, {t}, {p}
+    add {s}, {s}, {z}
     sw {t}, \i * {slope} + {tilt}({to})
     sw {s}, \i * {slope} + {tilt} + 4({to})
     // Whether the flux is within its limits.
