@@ -10,7 +10,7 @@ use crate::calibration::Calibration;
 use crate::centroid::{EstimatorConfig, Template};
 use crate::control::{Changes, ControlConfig, Gains};
 #[cfg(target_arch = "riscv32")]
-use crate::dsp::spots::Limits;
+use crate::dsp::spots::{self, Limits};
 use crate::error::ConfigError;
 use crate::fixed::LENGTH_BITS;
 use crate::gate::{GateTiming, Range, ShortFrame};
@@ -60,6 +60,9 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) bits: u8,
     /// Whether raw values and fixed thresholds are below 2^15.
     pub(crate) low_thresholds: bool,
+    /// Whether fluxes are as [`spots::are_small`] says.
+    #[cfg(target_arch = "riscv32")]
+    pub(crate) small_fluxes: bool,
     pub(crate) window: usize,
     /// Windows in readout order: by first row, then first column.
     pub(crate) slots: heapless::Vec<Slot, M>,
@@ -130,6 +133,8 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             height: 0,
             bits: 0,
             low_thresholds: false,
+            #[cfg(target_arch = "riscv32")]
+            small_fluxes: false,
             window: 0,
             slots: heapless::Vec::new(),
             starts: heapless::Vec::new(),
@@ -320,6 +325,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         #[cfg(target_arch = "riscv32")]
         {
             let (low, fraction) = (self.low_thresholds, self.estimator.peak_fraction());
+            self.small_fluxes = spots::are_small(window * window, self.bank.top);
             self.limits.clear();
             let subapertures = self.base_thresholds.iter().zip(&self.slopes).zip(&self.nodes);
             for ((&base, slope), node) in subapertures {

@@ -558,9 +558,10 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             let some = [start, end.min(start.wrapping_add(BATCH))];
             #[cfg(target_arch = "riscv32")]
             {
-                let taken = match config.low_thresholds {
-                    true => self.take_spots::<true, P, K>(config, some, sink),
-                    false => self.take_spots::<false, P, K>(config, some, sink),
+                let taken = match (config.low_thresholds, config.small_fluxes) {
+                    (true, true) => self.take_spots::<true, true, P, K>(config, some, sink),
+                    (true, false) => self.take_spots::<true, false, P, K>(config, some, sink),
+                    (false, _) => self.take_spots::<false, false, P, K>(config, some, sink),
                 };
                 if taken {
                     [_, start] = some;
@@ -581,12 +582,12 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     }
 
     /// Measures windows and hands them over at once, if they are such as the kernel takes; `LOW` if
-    /// thresholds are.
+    /// thresholds are, `SMALL` if fluxes are.
     ///
     /// Not inlined: it needs all registers.
     #[cfg(target_arch = "riscv32")]
     #[inline(never)]
-    fn take_spots<const LOW: bool, const P: usize, const K: usize>(
+    fn take_spots<const LOW: bool, const SMALL: bool, const P: usize, const K: usize>(
         &mut self,
         config: &Config<M, P, B, K>,
         [first, next]: [usize; 2],
@@ -617,7 +618,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             return false;
         };
         let spots = Spots { windows, tracking, next: new, limits, measurements, peak_fraction };
-        spots::take::<M, LOW>(spots, subapertures);
+        spots::take::<M, LOW, SMALL>(spots, subapertures);
         true
     }
 

@@ -30,66 +30,15 @@ mod row {
     use super::{Rows, Sums};
     use core::arch::asm;
 
-    /// The signals of two pixels from where they and their floors are, in `$a` and `$b`. Loads stand apart
-    /// from what needs them.
-    macro_rules! signals {
-        ($a:literal $b:literal: $first:literal $first_floor:literal $second:literal $second_floor:literal) => {
-            concat!(
-                "lhu ",
-                $a,
-                ", ",
-                $first,
-                "({raw})\n lhu {c}, ",
-                $first_floor,
-                "({floor})\n",
-                "lhu ",
-                $b,
-                ", ",
-                $second,
-                "({raw})\n lhu {d}, ",
-                $second_floor,
-                "({floor})\n",
-                "sub ",
-                $a,
-                ", ",
-                $a,
-                ", {c}\n sub ",
-                $b,
-                ", ",
-                $b,
-                ", {d}\n",
-                "sub ",
-                $a,
-                ", ",
-                $a,
-                ", {excess}\n sub ",
-                $b,
-                ", ",
-                $b,
-                ", {excess}\n",
-                "sgtz {c}, ",
-                $a,
-                "\n sgtz {d}, ",
-                $b,
-                "\n",
-                "mul ",
-                $a,
-                ", ",
-                $a,
-                ", {c}\n mul ",
-                $b,
-                ", ",
-                $b,
-                ", {d}\n",
-            )
-        };
-    }
-
-    /// Two pixels of a row.
+    /// Two pixels of a row. Loads stand apart from what needs them.
     macro_rules! pixels {
         ($($first:literal $second:literal)*) => {
             concat!($(
-                signals!("{a}" "{b}": $first $first $second $second),
+                "lhu {a}, ", $first, "({raw})\n lhu {c}, ", $first, "({floor})\n",
+                "lhu {b}, ", $second, "({raw})\n lhu {d}, ", $second, "({floor})\n",
+                "sub {a}, {a}, {c}\n sub {b}, {b}, {d}\n",
+                "sub {a}, {a}, {excess}\n sub {b}, {b}, {excess}\n",
+                "sgtz {c}, {a}\n sgtz {d}, {b}\n mul {a}, {a}, {c}\n mul {b}, {b}, {d}\n",
                 "add {row}, {row}, {a}\n add {before}, {before}, {row}\n",
                 "add {row}, {row}, {b}\n add {before}, {before}, {row}\n",
             )*)

@@ -83,22 +83,35 @@ const _: () = assert!(
 /// Windows a turn.
 const TURN: usize = 4;
 
-/// Of numbers of nine bits, the leading zeros among nine.
-static LEADING_ZEROS: [u8; 512] = {
-    let mut zeros = [0; 512];
+/// Bits of a small flux.
+const SMALL_BITS: u32 = 18;
+
+/// Whether all fluxes of windows with `pixels` up to `top` are below 2^18.
+pub(crate) const fn are_small(pixels: usize, top: u16) -> bool {
+    pixels * (top as usize) < 1 << SMALL_BITS
+}
+
+/// Of numbers of nine bits, the leading zeros among nine, and as many and 8: a small flux has these at least, beside
+/// those that all have.
+static LEADING_ZEROS: [[u8; 512]; 2] = {
+    let more = (u32::BITS - SPARE_BITS - SMALL_BITS) as u8;
+    let mut zeros = [[0; 512]; 2];
     let mut x = 0;
     while x < 512 {
-        zeros[x] = (x as u32).leading_zeros() as u8 - 23;
+        let few = (x as u32).leading_zeros() as u8 - 23;
+        zeros[0][x] = few;
+        zeros[1][x] = few + more;
         x += 1;
     }
     zeros
 };
 
 /// Takes up to 64 windows of an even number of columns and rows, of signals above floors, with slopes that
-/// need no limits and gains without a shift to the left; if `LOW`, with low thresholds.
+/// need no limits and gains without a shift to the left; if `LOW`, with low thresholds, and if `SMALL`, with small
+/// fluxes.
 #[allow(unsafe_code)]
 #[inline(always)]
-pub(crate) fn take<const M: usize, const LOW: bool>(
+pub(crate) fn take<const M: usize, const LOW: bool, const SMALL: bool>(
     spots: Spots<'_, M>,
     subapertures: Subapertures<'_, M>,
 ) {
@@ -121,6 +134,8 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
     let from = windows.as_ptr().wrapping_sub(back);
     let shared =
         [from.wrapping_add(count + back).addr() as u32, u16::MAX.into(), peak_fraction.into()];
+    let [any, small] = &LEADING_ZEROS;
+    let zeros = if SMALL { small } else { any };
     let (mut sum_x, mut sum_y, mut valid, mut saturated) = (0i32, 0i32, 0u32, 0u32);
     let open_loop = taking.open_loop().halves_mut().as_flattened_mut().as_mut_ptr();
     // SAFETY: the instructions go through `count` of each slice, which are as long at least, a turn at once, the
@@ -129,7 +144,7 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
     // registers that are given here.
     unsafe {
         asm!(include_str!("spots_rv32.s"),
-            low = const LOW as u32, window = const size_of::<Window>(),
+            low = const LOW as u32, small = const SMALL as u32, window = const size_of::<Window>(),
             sum = const offset_of!(Window, moments.sum), mx = const offset_of!(Window, moments.x),
             my = const offset_of!(Window, moments.y),
             peak = const offset_of!(Window, seen) + offset_of!(Seen, peak),
@@ -160,7 +175,7 @@ pub(crate) fn take<const M: usize, const LOW: bool>(
             count = inout(reg) valid, saturated_sum = inout(reg) saturated,
             t = inout(reg) back => _, d = out(reg) _, x = out(reg) _, y = out(reg) _, s = out(reg) _,
             u = out(reg) _, q = out(reg) _, p = out(reg) _, z = out(reg) _,
-            zeros = in(reg) LEADING_ZEROS.as_ptr(), inverses = in(reg) INVERSES.as_ptr(),
+            zeros = in(reg) zeros.as_ptr(), inverses = in(reg) INVERSES.as_ptr(),
             options(nostack));
     }
     taking.add([sum_x, sum_y], valid);

@@ -3,7 +3,16 @@
     lw {d}, \i * {window} + {sum}({from})
     lw {x}, \i * {window} + {mx}({from})
     lw {y}, \i * {window} + {my}({from})
-    // Its leading zeros but 6, in `s`: by 9 and 9 bits, and by what the highest nine of the others say.
+    // Its leading zeros but 6, in `s`: by 9 and 9 bits, and by what the highest nine of the others say. Of a small
+    // one, by 9, and by what the highest nine below the next 8 say.
+.if {small}
+    sltiu {t}, {d}, 512
+    slli {s}, {t}, 3
+    add {s}, {s}, {t}
+    slli {u}, {d}, 6
+    sll {u}, {u}, {s}
+    srli {t}, {u}, 15
+.else
     srli {t}, {d}, 17
     seqz {t}, {t}
     sltiu {u}, {d}, 256
@@ -13,6 +22,7 @@
     slli {u}, {d}, 6
     sll {u}, {u}, {s}
     srli {t}, {u}, 23
+.endif
     add {t}, {t}, {zeros}
     lbu {t}, 0({t})
     lhu {z}, \i * {window} + {peak}({from})
