@@ -6,7 +6,7 @@
 //! ```text
 //! I  = sum s                < 2^26 (1024 pixels of 16 bits); weighted, < 2^42
 //! Mx = sum s (2x - (W-1))   <= 2^30 (65535 x 32 x 512); weighted, < 2^46
-//! cx = Mx 2^15 / I          i32, Q16 pixels, within 1 ulp of the exact quotient
+//! cx = Mx 2^15 / I          i32, Q16 pixels, rounded down and within 2^-20 of itself
 //! ```
 //!
 //! The sums stream: a window's row is added as it arrives and nothing is kept of it, except for
@@ -26,7 +26,7 @@
 #[cfg(armv7em)]
 use crate::dsp::armv7em::Pairs;
 #[cfg(any(target_arch = "riscv32", armv7em))]
-use crate::dsp::{Kernel, Rows};
+use crate::dsp::{Kernel, Rows, Watched};
 #[cfg(target_arch = "riscv32")]
 use crate::dsp::{rv32::Narrow, rv32_wide::Wide};
 use crate::fixed::{self, CENTROID_BITS};
@@ -67,6 +67,19 @@ pub enum EstimatorConfig {
     },
 }
 
+impl EstimatorConfig {
+    /// Of the last peak, Q16.
+    #[inline(always)]
+    pub(crate) const fn peak_fraction(&self) -> u16 {
+        match *self {
+            Self::CentreOfGravity { peak_fraction } | Self::Weighted { peak_fraction, .. } => {
+                peak_fraction
+            }
+            Self::Brightest { .. } => 0,
+        }
+    }
+}
+
 /// One subaperture's measurement in one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -76,10 +89,10 @@ pub struct Measurement {
     /// Sum of the thresholded signal, calibrated units; with the weighted estimator, of the
     /// weighted signal.
     pub flux: u32,
-    /// Brightest pixel of the watched rows that passed its threshold, before the moving one is taken
+    /// Brightest of the watched pixels that passed its threshold, before the moving one is taken
     /// off; 0 if none passed.
     pub peak: u16,
-    /// Pixels of the watched rows that have a signal and are at or above the saturation level.
+    /// Watched pixels that have a signal and are at or above the saturation level.
     pub saturated: u16,
 }
 
@@ -186,21 +199,16 @@ pub(crate) fn row_moments(signal: impl ExactSizeIterator<Item = u32>) -> (u32, i
     (sum, x)
 }
 
-/// Sum and x moment of one raw window row; `seen` of a watched row is added to.
+/// Sum and x moment of one raw window row.
 #[inline(always)]
-pub(crate) fn calibrated_row_moments(
-    raw: &[u16],
-    row: BankRow<'_>,
-    cut: Cut,
-    seen: Option<&mut Seen>,
-) -> (u32, i32) {
+pub(crate) fn calibrated_row_moments(raw: &[u16], row: BankRow<'_>, cut: Cut) -> (u32, i32) {
     #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
     if raw.len().is_multiple_of(crate::dsp::sse2::LANES) {
-        return crate::dsp::sse2::row_moments(raw, row, cut, seen);
+        return crate::dsp::sse2::row_moments(raw, row, cut);
     }
     let mut buffer = [0u16; MAX_WINDOW];
     let signal = buffer.get_mut(..raw.len()).unwrap_or_default();
-    pixels::signal(raw, row, cut, seen, signal);
+    pixels::signal(raw, row, cut, signal);
     row_moments(signal.iter().map(|&s| u32::from(s)))
 }
 
@@ -234,14 +242,14 @@ pub(crate) trait WholeWindows<const W: usize, const N: usize> {
     /// The floors of one window after the other; none where they do not lie as they have to.
     fn floors<'f>(&self, floors: &'f [u16]) -> impl Iterator<Item = &'f Self::Floors>;
 
-    /// Sums of the window that starts with pixel `start`, and what its row `watched` shows besides.
-    /// `None` where its rows are not there, or not as they have to lie.
+    /// Sums of the window that starts with pixel `start`, and what its pixels from column and row `watched` on
+    /// show besides. `None` where its rows are not there, or not as they have to lie.
     fn window(
         &self,
         start: usize,
         floors: &Self::Floors,
         excess: u16,
-        watched: usize,
+        watched: [usize; 2],
     ) -> Option<(RowSums, Seen)>;
 }
 
@@ -268,17 +276,18 @@ impl<const W: usize, const N: usize> WholeWindows<W, N> for Anyhow<'_> {
         start: usize,
         floor: &[u16],
         excess: u16,
-        watched: usize,
+        [x, y]: [usize; 2],
     ) -> Option<(RowSums, Seen)> {
         let (size, width) = (W, self.width);
         let span = (size - 1).wrapping_mul(width).wrapping_add(size);
         let raw = self.raw.get(start..start.wrapping_add(span))?;
         let cut = Cut { excess, ..self.cut };
         let sums = floored_moments::<N>(raw, width, floor, size, cut);
-        let mut seen = Seen::NOTHING;
-        let floor = floor.get(watched * size..(watched + WATCHED) * size)?;
-        let raw = raw.get(watched.wrapping_mul(width)..)?;
-        note_floored::<N>(raw, width, floor, size, cut, &mut seen);
+        let seen = watch_floored::<N>(
+            raw.get(y.wrapping_mul(width).wrapping_add(x)..)?,
+            floor.get(y * size + x..)?,
+            cut,
+        )?;
         Some((sums, seen))
     }
 }
@@ -366,44 +375,27 @@ pub(crate) fn signals(raw: &[u16], floor: &[u16], cut: Cut) -> impl ExactSizeIte
     })
 }
 
-/// Adds watched rows of a bank that has only floors to what was seen; arguments as in
+/// Looks at the watched pixels of a bank that has only floors, with which `raw` and `floor` start; `N` as in
 /// [`floored_moments`].
 #[inline(always)]
-pub(crate) fn note_floored<const N: usize>(
-    raw: &[u16],
-    stride: usize,
-    floor: &[u16],
-    size: usize,
-    cut: Cut,
-    seen: &mut Seen,
-) {
+pub(crate) fn watch_floored<const N: usize>(raw: &[u16], floor: &[u16], cut: Cut) -> Option<Seen> {
     #[cfg(target_arch = "riscv32")]
-    if let Some(rows) = Rows::<N>::new(raw, stride, floor)
+    if let Some(watched) = Watched::new(raw, floor)
         && Wide::takes::<N>()
     {
-        return rows.each(|raw, floor| match Narrow::takes::<N>(&cut) {
-            true => Narrow.note((raw, floor), cut, seen),
-            false => Wide.note((raw, floor), cut, seen),
+        return Some(match Narrow::takes::<N>(&cut) {
+            true => Kernel::<N>::watch(Narrow, watched, cut),
+            false => Kernel::<N>::watch(Wide, watched, cut),
         });
     }
     #[cfg(armv7em)]
-    if let Some(rows) = Rows::<N>::new(raw, stride, floor) {
-        return rows.each(|raw, floor| Pairs.note((raw, floor), cut, seen));
+    if let Some(watched) = Watched::new(raw, floor)
+        && N != 0
+    {
+        return Some(Kernel::<N>::watch(Pairs, watched, cut));
     }
-    for (raw, floor) in raw.chunks(stride.max(1)).zip(floor.chunks_exact(size.max(1))) {
-        if let Some(raw) = raw.get(..size) {
-            note_floored_row(raw, floor, cut, seen);
-        }
-    }
-}
-
-#[inline(always)]
-fn note_floored_row(raw: &[u16], floor: &[u16], cut: Cut, seen: &mut Seen) {
-    #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
-    if raw.len().is_multiple_of(crate::dsp::sse2::LANES) {
-        return crate::dsp::sse2::note_floored(raw, floor, cut, seen);
-    }
-    seen.note(signals(raw, floor, cut), raw, cut);
+    let (raw, floor) = (raw.first_chunk::<WATCHED>()?, floor.first_chunk::<WATCHED>()?);
+    Some(Seen::of(signals(raw, floor, cut), raw, cut))
 }
 
 /// Fraction bits of the two weights of a pixel, its column's and its row's.
@@ -521,22 +513,32 @@ pub(crate) fn brightest_moments(signal: &[u16], window: usize, n: u32, bits: u32
     moments
 }
 
-/// First of the [`WATCHED`] rows of a window whose spot has its centroid at `y_q16` from the centre.
+/// The column or row nearest a centroid at `c_q16` from the window's centre, from that behind the window's middle
+/// on: -(W / 2) ..= (W - 1) / 2.
 ///
-/// `INSIDE`: the centroid is one of signals, within (W - 1) / 2 pixels and an ulp; the row nearest such a
-/// one is in the window.
-#[inline]
-pub(crate) fn first_watched<const INSIDE: bool>(window: usize, y_q16: i32) -> u8 {
-    let last = window as i32 - 1;
-    // The row nearest the first of as many rows as are watched, with the centroid in their middle.
-    let middle = y_q16.wrapping_add(last << (CENTROID_BITS - 1));
-    let half_rows = 2 - WATCHED as i32;
-    let row = middle.wrapping_add(half_rows << (CENTROID_BITS - 1)) >> CENTROID_BITS;
-    if INSIDE && WATCHED == 1 {
-        return row as u8;
+/// `INSIDE`: the centroid is one of signals, within (W - 1) / 2 pixels and two ulp, as is what is nearest it.
+#[inline(always)]
+pub(crate) fn nearest<const INSIDE: bool>(window: usize, c_q16: i32) -> i8 {
+    // Of an even window the centre is between pixels.
+    let half = (window as i32 & 1) << (CENTROID_BITS - 1);
+    let near = c_q16.wrapping_add(half) >> CENTROID_BITS;
+    if INSIDE {
+        return near as i8;
     }
-    let first = fixed::positive(row);
-    (first - fixed::positive(first - (window as i32 - WATCHED as i32))) as u8
+    let (middle, last) = (window as i32 / 2, window as i32 - 1);
+    let place = fixed::positive(near.wrapping_add(middle));
+    place.wrapping_sub(fixed::positive(place.wrapping_sub(last))).wrapping_sub(middle) as i8
+}
+
+/// Column of the first and row of the [`WATCHED`] pixels for a centroid next to which is pixel `near`, as of
+/// [`nearest`].
+#[inline(always)]
+pub(crate) fn watched(window: usize, near: [i8; 2]) -> [usize; 2] {
+    let [x, y] = near.map(|near| (window as i32 / 2).wrapping_add(near.into()));
+    // The second or third of them is that pixel.
+    let even = fixed::positive(x.wrapping_sub(1) >> 1 << 1);
+    let last = (window as i32).wrapping_sub(WATCHED as i32);
+    [even.wrapping_sub(fixed::positive(even.wrapping_sub(last))) as usize, y as usize]
 }
 
 /// The part of a moving threshold that a pixel's own threshold does not already cover:
@@ -551,4 +553,55 @@ pub(crate) fn excess(peak: u16, fraction_q16: u16, base: u16, covered: u16) -> u
     let above_dark = (above_dark | (above_dark >> 16).wrapping_neg()) & u32::from(u16::MAX);
     let moving = ((above_dark * u32::from(fraction_q16) + (1 << 15)) >> 16) as u16;
     pixels::less(moving, base)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Positions of a window's pixels from its centre.
+    fn positions(window: usize) -> impl Iterator<Item = (usize, f64)> {
+        (0..window).map(move |i| (i, i as f64 - (window as f64 - 1.0) / 2.0))
+    }
+
+    /// A Gaussian spot's light on a pixel at distance `r` of it along an axis, two pixels wide at half maximum.
+    fn spot(r: f64) -> f64 {
+        f64::exp(-core::f64::consts::LN_2 * r * r)
+    }
+
+    /// Centroids all over windows of every size: what is watched is in the window, has every pixel of its row that is
+    /// nearer than a pixel and a half, and of a spot that has not moved 84 % of the brightest pixel, sampled there.
+    #[test]
+    fn watched_pixels_hold_the_peak() {
+        for window in MIN_WINDOW..=MAX_WINDOW {
+            let steps = (window as i32 - 1) * 16;
+            for step in -steps..=steps {
+                let c_q16 = step << (CENTROID_BITS - 5);
+                let c = f64::from(step) / 32.0;
+                let near = nearest::<true>(window, c_q16);
+                assert_eq!(near, nearest::<false>(window, c_q16));
+                let [x, y] = watched(window, [near; 2]);
+                let last = window - WATCHED;
+                assert!(x <= last && (x % 2 == 0 || x == last), "{window}: {c}");
+                let highest = positions(window).map(|(_, at)| spot(at - c)).fold(0.0, f64::max);
+                for (i, at) in positions(window) {
+                    assert!(
+                        (at - c).abs() >= 1.5 || (x..x + WATCHED).contains(&i),
+                        "{window}: {c}"
+                    );
+                    assert!(i != y || spot(at - c) >= 0.84, "{window}: {c}");
+                    assert!(i != y || spot(at - c) >= highest - 1e-12, "{window}: {c}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_centroid_beyond_the_window_is_nearest_its_edge() {
+        for window in MIN_WINDOW..=MAX_WINDOW {
+            let half = window as i32 / 2;
+            let found = [-CENTROID_LIMIT, CENTROID_LIMIT].map(|c| nearest::<false>(window, c));
+            assert_eq!(found.map(i32::from), [-half, window as i32 - 1 - half]);
+        }
+    }
 }

@@ -9,6 +9,8 @@ use crate::actuators::{Drive, Law, Line, Response};
 use crate::calibration::Calibration;
 use crate::centroid::{EstimatorConfig, Template};
 use crate::control::{Changes, ControlConfig, Gains};
+#[cfg(target_arch = "riscv32")]
+use crate::dsp::spots::{self, Limits};
 use crate::error::ConfigError;
 use crate::fixed::LENGTH_BITS;
 use crate::gate::{GateTiming, Range, ShortFrame};
@@ -56,12 +58,19 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) height: u16,
     /// Bits of a raw pixel.
     pub(crate) bits: u8,
-    /// Whether no signal, of raw values up to the highest, and fixed threshold come to more than 16 bits.
+    /// Whether raw values and fixed thresholds are below 2^15.
     pub(crate) low_thresholds: bool,
+    /// Whether fluxes are as [`spots::are_small`] says.
+    #[cfg(target_arch = "riscv32")]
+    pub(crate) small_fluxes: bool,
     pub(crate) window: usize,
     /// Windows in readout order: by first row, then first column.
     pub(crate) slots: heapless::Vec<Slot, M>,
-    /// Whether that is the order of their subapertures.
+    /// As these: bytes in a frame before a window's first pixel, modulo addresses.
+    pub(crate) starts: heapless::Vec<usize, M>,
+    /// Whether all these are words.
+    pub(crate) in_words: bool,
+    /// Whether the order of windows is that of their subapertures.
     pub(crate) in_order: bool,
     pub(crate) bank: Bank<P>,
     pub(crate) estimator: EstimatorConfig,
@@ -70,12 +79,17 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) concurrent: usize,
     /// Mean fixed threshold of each window, signal units: the first gate's, then the second's.
     pub(crate) base_thresholds: heapless::Vec<u16, M>,
+    /// As these: what a kernel takes of them and of slopes.
+    #[cfg(target_arch = "riscv32")]
+    pub(crate) limits: heapless::Vec<Limits<M>, M>,
     /// As these.
     pub(crate) slopes: heapless::Vec<SlopeCalibration, M>,
     pub(crate) modal: ModalConfig<M, K>,
     pub(crate) gain_exponent: u32,
     /// Of that.
     pub(crate) slope_scale: SlopeScale,
+    /// Whether no centroid of signals makes a slope that has to be limited.
+    pub(crate) free_slopes: bool,
     pub(crate) control: ControlConfig,
     /// Per node; zero where there is no subaperture.
     pub(crate) changes: RedBlack<Changes, M>,
@@ -123,18 +137,25 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             height: 0,
             bits: 0,
             low_thresholds: false,
+            #[cfg(target_arch = "riscv32")]
+            small_fluxes: false,
             window: 0,
             slots: heapless::Vec::new(),
+            starts: heapless::Vec::new(),
+            in_words: false,
             in_order: false,
             bank: Bank::new(),
             estimator: EstimatorConfig::CentreOfGravity { peak_fraction: 0 },
             template: Template::EMPTY,
             concurrent: 0,
             base_thresholds: heapless::Vec::new(),
+            #[cfg(target_arch = "riscv32")]
+            limits: heapless::Vec::new(),
             slopes: heapless::Vec::new(),
             modal: ModalConfig::NONE,
             gain_exponent: 0,
-            slope_scale: SlopeScale { right: 0, raise: 0, left: 0, limit: 0 },
+            slope_scale: SlopeScale { up: 0, left: 0, limit: 0 },
+            free_slopes: false,
             control: ControlConfig { mean: crate::slopes::MeanSlope::Remove, delay: 0 },
             changes: RedBlack::new(Changes::NONE),
             tilt_max_age: 0,
@@ -241,7 +262,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.schedule.fill(spec);
         self.fill_bank(&quantiser, spec);
         self.fill_mirror(quantiser.ratio_bits, slew_ulp);
-        self.find_low_thresholds();
+        self.find_bounds();
         self.fill_sor(spec.mask.across(), &spec.sor);
         Ok(())
     }
@@ -262,8 +283,11 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
 
     fn clear(&mut self) {
         self.slots.clear();
+        self.starts.clear();
         self.modal.head = ModalHead::default();
         self.base_thresholds.clear();
+        #[cfg(target_arch = "riscv32")]
+        self.limits.clear();
         self.slopes.clear();
         self.changes.fill(Changes::NONE);
         self.schedule.colours.clear();
@@ -311,15 +335,35 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         }
     }
 
-    /// Due behind a change of thresholds.
-    pub(crate) fn find_low_thresholds(&mut self) {
-        let room = u16::MAX - self.bank.top;
-        self.low_thresholds = self.base_thresholds.iter().all(|&base| base <= room);
+    /// Due behind a change of thresholds or slopes.
+    pub(crate) fn find_bounds(&mut self) {
+        let is_low = |level: u16| level <= i16::MAX as u16;
+        self.low_thresholds =
+            is_low(self.bank.top) && self.base_thresholds.iter().all(|&base| is_low(base));
+        let (scale, window) = (self.slope_scale, self.window);
+        self.free_slopes = self.slopes.iter().all(|slope| slope.is_free(scale, window));
+        #[cfg(target_arch = "riscv32")]
+        {
+            let (low, fraction) = (self.low_thresholds, self.estimator.peak_fraction());
+            self.small_fluxes = spots::are_small(window * window, self.bank.top);
+            self.limits.clear();
+            let subapertures = self.base_thresholds.iter().zip(&self.slopes).zip(&self.nodes);
+            for ((&base, slope), node) in subapertures {
+                let _ = self.limits.push(Limits::new((base, low), fraction, (slope, scale), node));
+            }
+        }
     }
 
     /// Due behind a change of slots.
     pub(crate) fn find_order(&mut self) {
         self.in_order = (0..).zip(&self.slots).all(|(i, slot)| slot.subaperture == i);
+        let width = usize::from(self.width);
+        self.starts.clear();
+        for slot in &self.slots {
+            let pixels = usize::from(slot.y0).wrapping_mul(width).wrapping_add(slot.x0.into());
+            let _ = self.starts.push(pixels.wrapping_mul(size_of::<u16>()));
+        }
+        self.in_words = self.starts.iter().all(|start| start.is_multiple_of(size_of::<u32>()));
     }
 
     fn fill_modal(

@@ -19,7 +19,7 @@
 #[cfg(any(target_arch = "riscv32", armv7em, test))]
 use crate::centroid::{RowSums, WholeWindows};
 #[cfg(any(target_arch = "riscv32", armv7em, test))]
-use crate::pixels::{Cut, Seen};
+use crate::pixels::{Cut, Seen, WATCHED};
 
 #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
 pub(crate) mod sse2;
@@ -191,15 +191,15 @@ impl<'a, const N: usize> Rows<'a, N> {
         Block::new(raw, stride)?.rows(0, floor)
     }
 
-    /// Row `y` and its floors.
+    /// The watched pixels, from column `x`, which is even, and row `y` on.
     #[inline(always)]
-    pub(crate) fn row(self, y: usize) -> Option<(&'a [u32; N], &'a [u32; N])> {
-        let floor = self.floor.get(y)?;
+    fn watched(self, [x, y]: [usize; 2]) -> Option<Watched<'a>> {
+        let floor = self.floor.get(y)?.get(x / 2..)?.first_chunk()?;
         // SAFETY: `Block::rows` took as many words for `raw` as rows have that are `stride` words apart,
-        // one for each in `floor`: row y has all of its N.
+        // one for each in `floor`: row y has all of its N, of which its floors have these.
         #[allow(unsafe_code)]
-        let raw = unsafe { &*self.raw.as_ptr().add(y * self.stride).cast() };
-        Some((raw, floor))
+        let raw = unsafe { &*self.raw.as_ptr().add(y * self.stride + x / 2).cast() };
+        Some(Watched { raw, floor })
     }
 
     /// How many they are.
@@ -209,6 +209,7 @@ impl<'a, const N: usize> Rows<'a, N> {
     }
 
     /// Hands over one row after the other, with its floors.
+    #[cfg(any(armv7em, test))]
     #[inline(always)]
     pub(crate) fn each(self, mut each: impl FnMut(&[u32; N], &[u32; N])) {
         for (raw, floor) in self.raw.chunks(self.stride.max(1)).zip(self.floor) {
@@ -225,15 +226,31 @@ pub(crate) trait Kernel<const N: usize>: Copy {
     /// Sums of rows, no more than a square window has: see [`crate::centroid::floored_moments`].
     fn sums(self, rows: Rows<'_, N>, cut: Cut) -> RowSums;
 
-    /// Adds a row and its floors to what was seen: see [`Seen::note`].
-    fn note(self, row: (&[u32; N], &[u32; N]), cut: Cut, seen: &mut Seen);
+    /// Looks at watched pixels: see [`Seen::of`].
+    fn watch(self, watched: Watched<'_>, cut: Cut) -> Seen;
 
-    /// Both, of the rows of a square window and of one of them.
+    /// Both, of the rows of a square window and of pixels of one of them.
     #[inline(always)]
-    fn window(self, rows: Rows<'_, N>, row: (&[u32; N], &[u32; N]), cut: Cut) -> (RowSums, Seen) {
-        let mut seen = Seen::NOTHING;
-        self.note(row, cut, &mut seen);
+    fn window(self, rows: Rows<'_, N>, watched: Watched<'_>, cut: Cut) -> (RowSums, Seen) {
+        let seen = self.watch(watched, cut);
         (self.sums(rows, cut), seen)
+    }
+}
+
+/// The watched pixels of a window in words, and their floors.
+#[cfg(any(target_arch = "riscv32", armv7em, test))]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Watched<'a> {
+    raw: &'a [u32; WATCHED / 2],
+    floor: &'a [u32; WATCHED / 2],
+}
+
+#[cfg(any(target_arch = "riscv32", armv7em, test))]
+impl<'a> Watched<'a> {
+    /// Those with which `raw` and `floor` start; `None` where they do not start at a word's address, or are missing.
+    #[inline(always)]
+    pub(crate) fn new(raw: &'a [u16], floor: &'a [u16]) -> Option<Self> {
+        Some(Self { raw: words(raw)?.first_chunk()?, floor: words(floor)?.first_chunk()? })
     }
 }
 
@@ -262,58 +279,27 @@ impl<const W: usize, const N: usize, K: Kernel<N>> WholeWindows<W, N> for Whole<
         start: usize,
         floors: &Self::Floors,
         excess: u16,
-        watched: usize,
+        watched: [usize; 2],
     ) -> Option<(RowSums, Seen)> {
         let cut = Cut { excess, ..self.cut };
         let rows = self.block.rows(start, floors)?;
-        Some(self.kernel.window(rows, rows.row(watched)?, cut))
+        Some(self.kernel.window(rows, rows.watched(watched)?, cut))
     }
 }
 
-/// The first two lanes in a word, the first in the lower half.
+/// What was seen in lanes of words, the first in the lower half.
 #[cfg(any(target_arch = "riscv32", armv7em, test))]
 #[inline(always)]
-fn word<const N: usize>(lanes: &[u16; N]) -> u32 {
-    let low = lanes.first().map_or(0, |&x| u32::from(x));
-    let high = lanes.get(1).map_or(0, |&x| u32::from(x));
-    low | high << 16
-}
-
-/// A word into the first two lanes.
-#[cfg(any(target_arch = "riscv32", armv7em, test))]
-#[inline(always)]
-fn put_word<const N: usize>(lanes: &mut [u16; N], word: u32) {
-    let halves = [word as u16, (word >> 16) as u16];
-    lanes.iter_mut().zip(halves).for_each(|(lane, half)| *lane = half);
+fn seen(peak: u32, saturated: u32) -> Seen {
+    let halves = |word: u32| [word as u16, (word >> 16) as u16];
+    Seen { peak: halves(peak), saturated: halves(saturated) }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Block, Kernel, Rows, Whole, halves};
-    use crate::centroid::{
-        WholeWindows, portable_floored_moments, portable_floored_row_moments, signals,
-    };
-    use crate::pixels::{Convention, Cut, Seen};
-
-    /// Kernels of one row against their portable twins.
-    pub(super) fn compare(
-        raw: &[u16],
-        floor: &[u16],
-        cut: Cut,
-        moments: impl Fn() -> (u32, i32),
-        note: impl Fn(&mut Seen),
-    ) {
-        let context = || format!("{raw:?} {floor:?} {cut:?}");
-        let expected = portable_floored_row_moments(raw, floor, cut);
-        assert_eq!(moments(), expected, "{}", context());
-        let (mut expected, mut found) = (Seen::NOTHING, Seen::NOTHING);
-        // Twice: a row adds to what was seen before.
-        for _ in 0..2 {
-            expected.note(signals(raw, floor, cut), raw, cut);
-            note(&mut found);
-            assert_eq!(found.all(), expected.all(), "{}", context());
-        }
-    }
+    use super::{Block, Kernel, Rows, Watched, Whole, halves};
+    use crate::centroid::{WholeWindows, portable_floored_moments, signals};
+    use crate::pixels::{Convention, Cut, Seen, WATCHED};
 
     /// Room between one row of a block and the next, pixels.
     const GAP: usize = 6;
@@ -353,25 +339,25 @@ mod tests {
         blocks::<N>(top, |rows, stride, raw, floor, cut| {
             let expected = portable_floored_moments(raw, stride, floor, 2 * N, cut);
             assert_eq!(kernel.sums(rows, cut), expected, "{raw:?} {floor:?} {cut:?}");
-            let (mut noted, mut expected) = (Seen::NOTHING, Seen::NOTHING);
-            // Twice: rows add to what was seen before.
-            for _ in 0..2 {
-                rows.each(|raw, floor| kernel.note((raw, floor), cut, &mut noted));
-                for (raw, floor) in raw.chunks(stride).zip(floor.chunks(2 * N)) {
-                    let raw = &raw[..2 * N];
-                    expected.note(signals(raw, floor, cut), raw, cut);
-                }
-                assert_eq!(noted.all(), expected.all(), "{raw:?} {floor:?} {cut:?}");
+            let seen = |x: usize, y: usize| {
+                let places = [y * stride + x, y * 2 * N + x];
+                let [raw, floor] = [&raw[places[0]..][..WATCHED], &floor[places[1]..][..WATCHED]];
+                let found = kernel.watch(Watched::new(raw, floor).expect("words"), cut);
+                let expected = Seen::of(signals(raw, floor, cut), raw, cut);
+                assert_eq!(found.all(), expected.all(), "{raw:?} {floor:?} {cut:?}");
+                found
+            };
+            for x in (0..=W - WATCHED).step_by(2) {
+                seen(x, rows.count() - 1);
             }
             let whole = Whole { block: Block::new(raw, stride).expect("words"), cut, kernel };
             for floors in WholeWindows::<W, N>::floors(&whole, floor) {
-                let watched = 2 * N - 1;
-                let (sums, seen) =
+                let watched = [W - WATCHED, W - 1];
+                let (sums, seen_there) =
                     WholeWindows::<W, N>::window(&whole, 0, floors, cut.excess, watched)
                         .expect("rows");
-                let mut alone = Seen::NOTHING;
-                kernel.note(rows.row(watched).expect("a row"), cut, &mut alone);
-                assert_eq!((sums, seen.all()), (kernel.sums(rows, cut), alone.all()));
+                let [x, y] = watched;
+                assert_eq!((sums, seen_there), (kernel.sums(rows, cut), seen(x, y)));
             }
         });
     }

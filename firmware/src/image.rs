@@ -461,7 +461,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             return Err(ConfigError::at(Field::Dark, i, f64::from(top), limit));
         }
         self.find_order();
-        self.find_low_thresholds();
+        self.find_bounds();
         let origins = self.slots.iter().map(|slot| [slot.x0, slot.y0]);
         self.concurrent = validate::buffer::<B>(&self.estimator, self.window as u16, origins)?;
         schedule::check_used(self.schedule.colours.iter().copied())?;

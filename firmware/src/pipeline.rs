@@ -142,15 +142,15 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
 
     /// Forgets what frames have left in the loop, and sets the codes of the flat mirror.
     fn flatten<const P: usize>(&mut self, config: &Config<M, P, B, K>) {
-        self.forget(config);
+        self.forget();
         self.mirror.cold_start(config);
     }
 
     /// Forgets what frames have left in the loop.
-    fn forget<const P: usize>(&mut self, config: &Config<M, P, B, K>) {
+    fn forget(&mut self) {
         self.warm = false;
         self.windows = 0;
-        self.readout.reset(config.window);
+        self.readout.reset();
         self.control.reset();
         self.sor.reset();
         self.slopes.as_flattened_mut().fill(Slope::default());
@@ -419,7 +419,7 @@ impl<const M: usize, const B: usize, const K: usize> Pipeline<M, B, K> {
     /// the codes stay, and all that frames have left is forgotten but what the mirror shows.
     pub(crate) fn adopt<const P: usize>(&mut self, config: &Config<M, P, B, K>) {
         self.phase = Phase::Idle;
-        self.forget(config);
+        self.forget();
         self.mirror.adopt(config);
         self.control.fill_past(self.mirror.positions().iter().map(|position| position.tilt_ulp));
         self.show(config);
@@ -719,17 +719,16 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Sink<M>
     fn subapertures(&mut self, [first, next]: [usize; 2]) -> Option<Subapertures<'_, M>> {
         let Self { config, slopes, control, saturated_pixels, .. } = self;
         let ordinary = Special::new(&config.schedule, self.colour, self.lacking_q16).is_none();
-        if !ordinary || config.modal.is_on() || config.slope_scale.left != 0 {
+        let bounded = config.free_slopes && config.slope_scale.left == 0;
+        if !ordinary || config.modal.is_on() || !bounded {
             return None;
         }
         let (applied, taking) = control.taking(&config.control)?;
         Some(Subapertures {
             calibration: config.slopes.get(first..next)?,
             applied: applied.get(first..next)?,
-            nodes: config.nodes.get(first..next)?,
             slopes: slopes.get_mut(first..next)?,
             taking,
-            scale: config.slope_scale,
             saturated_pixels,
         })
     }

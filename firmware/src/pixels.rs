@@ -21,9 +21,9 @@
 //! Without a flat field (no pixel's gain differs) and with the subtracting convention this is
 //! s = max(raw - (floor + excess), 0), which the packed kernels of the `dsp` module compute.
 //!
-//! Peak and saturated pixels are looked for where the spot is: in the row nearest the last centroid
-//! ([`WATCHED`] of them). They cost as much as the moments, and what a moving threshold has to follow is
-//! the spot, not a hit in the window's corner.
+//! Peak and saturated pixels are looked for where the spot is: in [`WATCHED`] pixels next to the last
+//! centroid, of the row nearest it. They cost more than the moments, and what a moving threshold has to
+//! follow is the spot, not a hit in the window's corner.
 //!
 //! Scaling and overflow: every quantity is a u16 and every operation saturating or exact;
 //! rounding of the gain is to nearest, ties down in `b` (ties up in the loss).
@@ -41,9 +41,11 @@ pub enum Convention {
     ZeroBelow,
 }
 
-/// Rows of a window in which its peak is looked for: the one nearest the last centroid. A spot is two
-/// pixels wide at half maximum where a pixel is lambda/2d, so that this row has 84 % of its peak at least.
-pub const WATCHED: usize = 1;
+/// Pixels of a window in which its peak is looked for, in the row nearest the last centroid: from an even column
+/// on, with the centroid next to their middle, as far as the window goes. A spot is two pixels wide at half maximum
+/// where a pixel is lambda/2d, so that this row has 84 % of its peak at least; of it all pixels are watched that are
+/// nearer to the last centroid than a pixel and a half.
+pub const WATCHED: usize = 4;
 
 /// The calibration of one pixel, as it is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,7 +89,7 @@ pub struct BankRow<'a> {
     pub threshold: &'a [u8],
 }
 
-/// What the watched rows of a window told besides the signal.
+/// What the watched pixels of a window told besides the signal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Noted {
     /// Largest signal: 16 bits.
@@ -206,39 +208,34 @@ impl<const P: usize> Bank<P> {
     }
 }
 
-/// Lanes in which the peak and the saturated pixels of a window are gathered: those of the packed
-/// kernels.
-const LANES: usize = if cfg!(all(target_arch = "x86_64", target_feature = "sse2")) { 8 } else { 2 };
-
-/// What a window's watched rows told about its pixels besides the signal.
+/// What a window's watched pixels told besides the signal, those of even columns and those of odd ones: lanes
+/// of the packed kernels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Seen {
-    pub(crate) peak: [u16; LANES],
-    pub(crate) saturated: [u16; LANES],
+    pub(crate) peak: [u16; 2],
+    pub(crate) saturated: [u16; 2],
 }
 
 impl Seen {
-    pub(crate) const NOTHING: Self = Self { peak: [0; LANES], saturated: [0; LANES] };
+    pub(crate) const NOTHING: Self = Self { peak: [0; 2], saturated: [0; 2] };
 
-    /// Adds a row.
+    /// Of watched pixels.
     #[inline(always)]
-    pub(crate) fn note(&mut self, signal: impl Iterator<Item = u32>, raw: &[u16], cut: Cut) {
-        let ([peak, ..], [saturated, ..]) = (&mut self.peak, &mut self.saturated);
+    pub(crate) fn of(signal: impl Iterator<Item = u32>, raw: &[u16], cut: Cut) -> Self {
+        let (mut peak, mut saturated) = (0, 0u16);
         for (signal, &raw) in signal.zip(raw) {
-            *peak = max(*peak, signal as u16);
+            peak = max(peak, signal as u16);
             let white = above(raw, cut.saturation.wrapping_sub(1)) & above(signal as u16, 0);
-            *saturated = saturated.wrapping_add(white);
+            saturated = saturated.wrapping_add(white);
         }
+        Self { peak: [peak, 0], saturated: [saturated, 0] }
     }
 
     /// The whole window.
     #[inline(always)]
     pub(crate) fn all(&self) -> Noted {
-        let [first, rest @ ..] = self.peak.map(i32::from);
-        Noted {
-            peak: rest.into_iter().fold(first, fixed::larger),
-            saturated: self.saturated.into_iter().fold(0, u16::wrapping_add),
-        }
+        let ([even, odd], [white, more]) = (self.peak.map(i32::from), self.saturated);
+        Noted { peak: fixed::larger(even, odd), saturated: white.wrapping_add(more) }
     }
 }
 
@@ -260,38 +257,39 @@ pub(crate) struct Cut {
     pub(crate) excess: u16,
 }
 
-/// One window row of signal, in whichever convention; `seen` of a watched row is added to.
+/// One window row of signal, in whichever convention.
 #[inline(always)]
-pub(crate) fn signal(
-    raw: &[u16],
-    row: BankRow<'_>,
-    cut: Cut,
-    seen: Option<&mut Seen>,
-    signal: &mut [u16],
-) {
+pub(crate) fn signal(raw: &[u16], row: BankRow<'_>, cut: Cut, signal: &mut [u16]) {
     #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
-    if raw.len().is_multiple_of(LANES) {
-        return crate::dsp::sse2::signal(raw, row, cut, seen, signal);
+    if raw.len().is_multiple_of(crate::dsp::sse2::LANES) {
+        return crate::dsp::sse2::signal(raw, row, cut, signal);
     }
-    portable_signal(raw, row, cut, seen, signal);
+    portable_signal(raw, row, cut, signal);
 }
 
 /// [`signal`] without vector instructions.
 #[inline(always)]
-pub(crate) fn portable_signal(
-    raw: &[u16],
-    row: BankRow<'_>,
-    cut: Cut,
-    seen: Option<&mut Seen>,
-    signal: &mut [u16],
-) {
+pub(crate) fn portable_signal(raw: &[u16], row: BankRow<'_>, cut: Cut, signal: &mut [u16]) {
     match cut.convention {
         Convention::Subtract => calibrate(raw, row, cut.excess, signal),
         Convention::ZeroBelow => calibrate_zero_below(raw, row, cut.shift, cut.excess, signal),
     }
-    if let Some(seen) = seen {
-        seen.note(signal.iter().map(|&s| u32::from(s)), raw, cut);
-    }
+}
+
+/// Looks at the watched pixels of a window row, from column `first` on. All there in a validated configuration and a
+/// row of the right length.
+#[inline(always)]
+pub(crate) fn watch(raw: &[u16], row: BankRow<'_>, first: usize, cut: Cut) -> Option<Seen> {
+    let watched = first..first.wrapping_add(WATCHED);
+    let raw = raw.get(watched.clone())?;
+    let row = BankRow {
+        floor: row.floor.get(watched.clone())?,
+        loss: row.loss.get(watched.clone())?,
+        threshold: row.threshold.get(watched)?,
+    };
+    let mut signal = [0; WATCHED];
+    portable_signal(raw, row, cut, &mut signal);
+    Some(Seen::of(signal.iter().map(|&s| u32::from(s)), raw, cut))
 }
 
 /// Takes the floor off one window row, applies the flat field and takes off `excess`.

@@ -21,7 +21,7 @@ use crate::dsp::{
     spots::{self, Spots, Subapertures},
     squares::{self, Squares},
 };
-use crate::pixels::{self, Convention, Cut, Noted, Seen, WATCHED};
+use crate::pixels::{self, BankRow, Convention, Cut, Noted, Seen};
 
 /// What takes measurements when their windows have ended.
 pub(crate) trait Sink<const M: usize> {
@@ -50,19 +50,36 @@ pub(crate) struct Window {
 pub(crate) struct Tracking {
     /// Moving threshold beyond the fixed one, signal units.
     pub(crate) excess: u16,
-    /// First of the rows in which the peak is looked for.
-    pub(crate) watched: u8,
+    /// The pixel nearest the centroid, its column and row as of [`centroid::nearest`]: the peak is looked for there.
+    /// That at the middle of a window without flux.
+    pub(crate) near: [i8; 2],
 }
 
 impl Window {
     const NEW: Self = Self { moments: Moments::ZERO, seen: Seen::NOTHING };
+
+    /// Looks at its watched pixels if row `y`, of which these are the pixels and their calibration, has them.
+    #[inline(always)]
+    fn watch(
+        &mut self,
+        tracking: &Tracking,
+        (size, y): (usize, usize),
+        raw: &[u16],
+        row: BankRow<'_>,
+        cut: Cut,
+    ) {
+        let [first, watched] = centroid::watched(size, tracking.near);
+        if y == watched {
+            self.seen = pixels::watch(raw, row, first, cut).unwrap_or(Seen::NOTHING);
+        }
+    }
 
     /// The measurement, and what the next frame does with the window, of which `base` is the fixed
     /// threshold.
     #[inline(always)]
     fn measured(&self, tracking: &Tracking, base: u16, shared: &Shared) -> (Measurement, Tracking) {
         let measurement = self.measurement(&self.moments, self.moments.sum, tracking, shared);
-        (measurement, tracking.next::<true>(&measurement, base, shared))
+        (measurement, Tracking::next::<true>(&measurement, base, shared))
     }
 
     /// Both of a weighted window, the `k`-th, with a gain that undoes the weight.
@@ -81,7 +98,7 @@ impl Window {
         measurement.centroid_q16.iter_mut().zip(centre).for_each(|(c, centre)| {
             *c = centroid::unweighted(centre.into(), *c, gain);
         });
-        (measurement, tracking.next::<false>(&measurement, base, shared))
+        (measurement, Tracking::next::<false>(&measurement, base, shared))
     }
 
     /// The measurement, of `moments` or its own.
@@ -106,31 +123,20 @@ impl Window {
 }
 
 impl Tracking {
-    const NEW: Self = Self { excess: 0, watched: 0 };
-
-    #[inline(always)]
-    fn watches(&self, y: usize) -> bool {
-        y.wrapping_sub(usize::from(self.watched)) < WATCHED
-    }
+    const NEW: Self = Self { excess: 0, near: [0; 2] };
 
     /// What the next frame does with a window that was measured so; `base` is its fixed threshold.
     ///
-    /// One without flux keeps its rows where they were; its threshold follows its peak. `INSIDE`: its
-    /// centroid is one of signals, and inside the window.
+    /// `INSIDE`: its centroid is one of signals, and inside the window, in the middle of one without flux.
     #[inline(always)]
-    fn next<const INSIDE: bool>(
-        &self,
-        measurement: &Measurement,
-        base: u16,
-        shared: &Shared,
-    ) -> Self {
-        let [_, y_q16] = measurement.centroid_q16;
-        let seen = centroid::first_watched::<INSIDE>(shared.window, y_q16);
+    fn next<const INSIDE: bool>(measurement: &Measurement, base: u16, shared: &Shared) -> Self {
         let (peak, covered) = (measurement.peak, base & shared.subtracted);
-        let step = seen.wrapping_sub(self.watched) & mask(measurement.flux) as u8;
+        let seen = if INSIDE { -1 } else { mask(measurement.flux) as i8 };
         Self {
             excess: centroid::excess(peak, shared.peak_fraction, base, covered),
-            watched: self.watched.wrapping_add(step),
+            near: measurement
+                .centroid_q16
+                .map(|c| centroid::nearest::<INSIDE>(shared.window, c) & seen),
         }
     }
 }
@@ -140,12 +146,6 @@ impl Tracking {
 #[inline(always)]
 const fn mask(x: u32) -> i32 {
     x.wrapping_neg() as i32 >> 31
-}
-
-/// The smaller of two, without a branch.
-#[inline(always)]
-fn least(a: usize, b: usize) -> usize {
-    a.wrapping_sub(a.saturating_sub(b))
 }
 
 /// What all windows share.
@@ -164,15 +164,10 @@ impl Shared {
     fn new<const M: usize, const P: usize, const B: usize, const K: usize>(
         config: &Config<M, P, B, K>,
     ) -> Self {
-        let peak_fraction = match config.estimator {
-            EstimatorConfig::CentreOfGravity { peak_fraction }
-            | EstimatorConfig::Weighted { peak_fraction, .. } => peak_fraction,
-            EstimatorConfig::Brightest { .. } => 0,
-        };
         Self {
             window: config.window,
             subtracted: u16::from(config.bank.convention == Convention::Subtract).wrapping_neg(),
-            peak_fraction,
+            peak_fraction: config.estimator.peak_fraction(),
         }
     }
 }
@@ -224,11 +219,10 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     }
 
     /// Forgets thresholds and centres as well.
-    pub(crate) fn reset(&mut self, window: usize) {
+    pub(crate) fn reset(&mut self) {
         self.begin();
-        let watched = centroid::first_watched::<true>(window, 0);
         self.windows.fill(Window::NEW);
-        self.tracking.as_flattened_mut().fill(Tracking { watched, ..Tracking::NEW });
+        self.tracking.as_flattened_mut().fill(Tracking::NEW);
         self.centres.fill([0; 2]);
         self.measurements.as_flattened_mut().fill(Measurement::default());
     }
@@ -326,9 +320,10 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             #[cfg(target_arch = "riscv32")]
             let left = match Block::new(pixels, width) {
                 None => first,
-                Some(block) if W == 8 && Narrow::takes::<N>(&cut) => {
+                Some(block) if W == 8 && config.in_words => {
                     self.take_squares(config, met, block, cut)
                 }
+                Some(_) if W == 8 => first,
                 Some(block) if Narrow::takes::<N>(&cut) => {
                     self.take::<W, N, P, K>(config, met, &Whole { block, cut, kernel: Narrow })
                 }
@@ -351,7 +346,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         }
     }
 
-    /// [`Readout::take`] of windows of 8 x 8 pixels of 12 bits.
+    /// [`Readout::take`] of windows of 8 x 8 pixels.
     ///
     /// Not inlined: it needs all registers.
     #[cfg(target_arch = "riscv32")]
@@ -363,8 +358,8 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         block: Block<'_>,
         cut: Cut,
     ) -> usize {
-        let (Some(slots), Some(tracking), Some(windows)) = (
-            config.slots.get(first..next),
+        let (Some(starts), Some(tracking), Some(windows)) = (
+            config.starts.get(first..next),
             self.tracking.get(self.complete).and_then(|done| done.get(first..next)),
             self.windows.get_mut(first..next),
         ) else {
@@ -372,7 +367,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         };
         let floors = config.bank.floors_of(first, next, 8 * 8);
         let taken =
-            squares::take(block, self.row, cut, Squares { slots, tracking, floors, windows });
+            squares::take(block, self.row, cut, Squares { starts, tracking, floors, windows });
         first.wrapping_add(taken)
     }
 
@@ -386,22 +381,22 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         [first, next]: [usize; 2],
         rows: &impl WholeWindows<W, N>,
     ) -> usize {
-        let (width, row) = (usize::from(config.width), usize::from(self.row));
-        let (Some(slots), Some(tracking), Some(windows)) = (
-            config.slots.get(first..next),
+        let before = usize::from(self.row).wrapping_mul(config.width.into());
+        let (Some(starts), Some(tracking), Some(windows)) = (
+            config.starts.get(first..next),
             self.tracking.get(self.complete).and_then(|done| done.get(first..next)),
             self.windows.get_mut(first..next),
         ) else {
             return first;
         };
-        let windows = slots.iter().zip(tracking).zip(windows);
+        let windows = starts.iter().zip(tracking).zip(windows);
         let floors = rows.floors(config.bank.floors_of(first, next, W * W));
         let mut left = first;
-        for (((slot, tracking), window), floors) in windows.zip(floors) {
-            let y = usize::from(slot.y0).wrapping_sub(row);
-            let start = y.wrapping_mul(width).wrapping_add(usize::from(slot.x0));
+        for (((start, tracking), window), floors) in windows.zip(floors) {
+            let start = (start / size_of::<u16>()).wrapping_sub(before);
             // Below W, a power of two, already.
-            let watched = usize::from(tracking.watched) % W;
+            let [x, y] = centroid::watched(W, tracking.near);
+            let watched = [x, y % W];
             let Some((sums, seen)) = rows.window(start, floors, tracking.excess, watched) else {
                 break;
             };
@@ -453,21 +448,16 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             let cut = Cut { excess: tracking.excess, ..base };
             let sums = centroid::floored_moments::<N>(raw, width, floor, size, cut);
             window.moments.add_rows(size, y, count, sums);
-            // Those of the watched rows that are among these; none is a case like the others, whose
-            // time does not show.
-            let watched = usize::from(tracking.watched);
-            let [from, to] = [watched, watched.wrapping_add(WATCHED)]
-                .map(|row| least(row.saturating_sub(y), count));
-            let first = least(from, count.wrapping_sub(1));
-            let (Some(raw), Some(floor)) = (
-                raw.get(first.wrapping_mul(width)..),
-                floor.get(
-                    first * size..first.wrapping_add(to.wrapping_sub(from)).wrapping_mul(size),
-                ),
-            ) else {
-                continue;
-            };
-            centroid::note_floored::<N>(raw, width, floor, size, cut, &mut window.seen);
+            let [x, watched] = centroid::watched(size, tracking.near);
+            let watched = watched.wrapping_sub(y);
+            if watched < count {
+                // All there, as above.
+                let seen = raw
+                    .get(watched.wrapping_mul(width).wrapping_add(x)..)
+                    .zip(floor.get(watched * size + x..))
+                    .and_then(|(raw, floor)| centroid::watch_floored::<N>(raw, floor, cut));
+                window.seen = seen.unwrap_or(Seen::NOTHING);
+            }
         }
     }
 
@@ -502,8 +492,8 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             EstimatorConfig::CentreOfGravity { .. } => {
                 for (window, tracking, y, row, raw) in lines {
                     let cut = bank.cut(tracking.excess);
-                    let seen = tracking.watches(y).then_some(&mut window.seen);
-                    let sums = centroid::calibrated_row_moments(raw, row, cut, seen);
+                    window.watch(&tracking, (size, y), raw, row, cut);
+                    let sums = centroid::calibrated_row_moments(raw, row, cut);
                     window.moments.add_row(size, y, sums);
                 }
             }
@@ -514,8 +504,8 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                     let mut buffer = [0u16; MAX_WINDOW];
                     let Some(signal) = buffer.get_mut(..size) else { continue };
                     let cut = bank.cut(tracking.excess);
-                    let seen = tracking.watches(y).then_some(&mut window.seen);
-                    pixels::signal(raw, row, cut, seen, signal);
+                    window.watch(&tracking, (size, y), raw, row, cut);
+                    pixels::signal(raw, row, cut, signal);
                     let [cx, cy] = centre.map(i32::from);
                     let weights = config.template.row(size, cx);
                     let weight = config.template.weight(size, cy, y);
@@ -533,8 +523,8 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                     let Some(signal) = stored.get_mut(y * size..(y + 1) * size) else {
                         continue;
                     };
-                    let seen = tracking.watches(y).then_some(&mut window.seen);
-                    pixels::signal(raw, row, bank.cut(0), seen, signal);
+                    window.watch(&tracking, (size, y), raw, row, bank.cut(0));
+                    pixels::signal(raw, row, bank.cut(0), signal);
                     if y + 1 == size {
                         window.moments = centroid::brightest_moments(stored, size, n, bits);
                     }
@@ -568,9 +558,10 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             let some = [start, end.min(start.wrapping_add(BATCH))];
             #[cfg(target_arch = "riscv32")]
             {
-                let taken = match config.low_thresholds {
-                    true => self.take_spots::<true, P, K>(config, some, sink),
-                    false => self.take_spots::<false, P, K>(config, some, sink),
+                let taken = match (config.low_thresholds, config.small_fluxes) {
+                    (true, true) => self.take_spots::<true, true, P, K>(config, some, sink),
+                    (true, false) => self.take_spots::<true, false, P, K>(config, some, sink),
+                    (false, _) => self.take_spots::<false, false, P, K>(config, some, sink),
                 };
                 if taken {
                     [_, start] = some;
@@ -591,12 +582,12 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     }
 
     /// Measures windows and hands them over at once, if they are such as the kernel takes; `LOW` if
-    /// thresholds are.
+    /// thresholds are, `SMALL` if fluxes are.
     ///
     /// Not inlined: it needs all registers.
     #[cfg(target_arch = "riscv32")]
     #[inline(never)]
-    fn take_spots<const LOW: bool, const P: usize, const K: usize>(
+    fn take_spots<const LOW: bool, const SMALL: bool, const P: usize, const K: usize>(
         &mut self,
         config: &Config<M, P, B, K>,
         [first, next]: [usize; 2],
@@ -606,7 +597,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             return false;
         };
         let convention = config.bank.convention;
-        if !config.in_order || convention != Convention::Subtract {
+        if !config.in_order || config.window % 2 != 0 || convention != Convention::Subtract {
             return false;
         }
         let pair = [self.complete, 1 - self.complete];
@@ -617,25 +608,17 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         ) else {
             return false;
         };
-        let (Some(windows), Some(tracking), Some(new), Some(base_thresholds), Some(measurements)) = (
+        let (Some(windows), Some(tracking), Some(new), Some(limits), Some(measurements)) = (
             self.windows.get(first..next),
             done.get(first..next),
             new.get_mut(first..next),
-            config.base_thresholds.get(first..next),
+            config.limits.get(first..next),
             measurements.get_mut(first..next),
         ) else {
             return false;
         };
-        let spots = Spots {
-            windows,
-            tracking,
-            next: new,
-            base_thresholds,
-            measurements,
-            size: config.window,
-            peak_fraction,
-        };
-        spots::take::<M, LOW>(spots, subapertures);
+        let spots = Spots { windows, tracking, next: new, limits, measurements, peak_fraction };
+        spots::take::<M, LOW, SMALL>(spots, subapertures);
         true
     }
 
@@ -691,9 +674,9 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         measurements: &[Measurement],
         sink: &mut impl Sink<M>,
     ) {
-        let (Some(new), Ok([done, next])) = (
+        let (Some(new), Some(tracking)) = (
             self.measurements.get_mut(1 - self.complete),
-            self.tracking.get_disjoint_mut([self.complete, 1 - self.complete]),
+            self.tracking.get_mut(1 - self.complete),
         ) else {
             return;
         };
@@ -711,11 +694,11 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             sink.take([first, count.min(first + BATCH)], new);
         }
         let shared = Shared::new(config);
-        for (slot, (done, next)) in config.slots.iter().zip(done.iter().zip(next)) {
+        for (slot, next) in config.slots.iter().zip(tracking) {
             let subaperture = usize::from(slot.subaperture);
             let places = (new.get(subaperture), config.base_thresholds.get(subaperture));
             if let (Some(measurement), Some(&base)) = places {
-                *next = done.next::<false>(measurement, base, &shared);
+                *next = Tracking::next::<false>(measurement, base, &shared);
             }
         }
         self.row = config.height;
@@ -746,7 +729,7 @@ impl<const M: usize, const B: usize> Readout<M, B> {
     }
 
     /// Makes the frame just read the last complete one: its measurements become readable, its
-    /// peaks and centroids set the next frame's thresholds, watched rows and weights.
+    /// peaks and centroids set the next frame's thresholds, watched pixels and weights.
     ///
     /// A window without flux keeps its weight where it was.
     pub(crate) fn commit<const P: usize, const K: usize>(&mut self, config: &Config<M, P, B, K>) {

@@ -43,6 +43,12 @@ impl Place {
         self.0 as usize >= M
     }
 
+    /// Which of both halves one after the other.
+    #[cfg(target_arch = "riscv32")]
+    pub(crate) const fn index(self) -> usize {
+        self.0 as usize
+    }
+
     /// The padded node, in fields of capacity `M`: even if red, odd if black.
     #[must_use]
     pub(crate) const fn padded<const M: usize>(self) -> usize {

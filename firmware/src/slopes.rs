@@ -7,10 +7,11 @@
 //! `c` in Q16 pixels; `s` is the tip (x) and tilt (y) of the segment as its centre-to-edge optical
 //! path difference in ulp, so that the path difference across the edge between neighbours i and j
 //! is exactly s_i + s_j. The 2 x 2 matrix carries pixel scale, rotation, flips and centroid gain:
-//! 16-bit mantissas under one exponent e for all. |c - reference| < 2^23 (64 px and 32 px), so that
-//! the upper halves of the two products, 2^9 below their scale, add up to less than 2^31; the sum is
-//! rounded once and saturated to +-2^23 ulp. Up to e = 6 (2^21 ulp a pixel, 64 pixels a stroke) that
-//! is within 1 ulp of the exact product; beyond, within 2^(e-6).
+//! 16-bit mantissas under one exponent e for all. |c - reference| < 2^23 (64 px and 32 px), so that it has room for
+//! seven bits more, and a mantissa for up to seven of its exponent beside those that make a whole ulp of the upper half
+//! of a product. Both products are rounded down, and their sum, below 2^30, is saturated to +-2^23 ulp. Up to e = 7
+//! (2^22 ulp a pixel, 32 pixels a stroke) that is the exact product or less by less than 2 ulp, which is 2^-8 of a DAC's
+//! last place; beyond, by less than 2^(e-6).
 
 use crate::centroid::Measurement;
 use crate::fixed::{self, CENTROID_BITS, TILT_LIMIT};
@@ -49,32 +50,48 @@ pub struct Slope {
     pub valid: bool,
 }
 
-/// Exponent of the gains' mantissas as shifts of the products.
+/// Exponent of the gains' mantissas as shifts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SlopeScale {
-    /// Towards smaller numbers, and what is added before: the half that rounds, and the limit.
-    pub(crate) right: u32,
-    pub(crate) raise: i32,
-    /// Towards larger ones, and the limit before it.
+    /// Of a mantissa.
+    pub(crate) up: u32,
+    /// Of the sum of products, and the limit before it.
     pub(crate) left: u32,
     pub(crate) limit: i32,
 }
 
-/// Bits that an upper half of a product drops: 32 less what both factors are shifted up by.
-const DROPPED: u32 = 9;
 /// Bits that a centroid's difference has free above it.
 pub(crate) const HEADROOM: u32 = 7;
+/// Bits by which a mantissa is shifted up, so that the upper half of its product is in ulp.
+const WHOLE: u32 = 32 - CENTROID_BITS - HEADROOM;
 
 impl SlopeScale {
     /// For gains of mantissa times 2^exponent ulp a pixel, 0 to 15.
     pub(crate) const fn new(exponent: u32) -> Self {
-        let (down, up) = (CENTROID_BITS - DROPPED, exponent);
-        let (right, left) = (down.saturating_sub(up), up.saturating_sub(down));
-        // One more than half: each of two products has been rounded down by half of one on average.
-        let half = if right > 0 { (1 << right >> 1) + 1 } else { 1 };
-        let limit = TILT_LIMIT >> left;
-        // Below 2^30 + 66; of gains of 16 bits and |c - reference| < 2^22.6 the sum is below 2^29.6.
-        Self { right, raise: half + (limit << right), left, limit }
+        // A mantissa has 16 bits.
+        let left = exponent.saturating_sub(16 - WHOLE);
+        Self { up: WHOLE + exponent - left, left, limit: TILT_LIMIT >> left }
+    }
+
+    /// A mantissa as a factor of a product.
+    #[inline(always)]
+    pub(crate) const fn factor(self, mantissa: i16) -> i32 {
+        (mantissa as i32) << self.up
+    }
+}
+
+impl SlopeCalibration {
+    /// Whether no centroid of signals, within (W - 1) / 2 pixels and two ulp of the centre of a window of this size,
+    /// makes a slope that has to be limited.
+    pub(crate) fn is_free(&self, scale: SlopeScale, window: usize) -> bool {
+        let inside = (window as i64 - 1) << (CENTROID_BITS - 1);
+        let reach = self.reference_q16.map(|r| i64::from(r.unsigned_abs()) + inside + 2);
+        self.gain.iter().all(|row| {
+            let products =
+                row.iter().zip(reach).map(|(&g, x)| i64::from(scale.factor(g)).abs() * x);
+            // Both are rounded down.
+            (products.sum::<i64>() >> (32 - HEADROOM)) + 2 <= i64::from(scale.limit)
+        })
     }
 }
 
@@ -89,10 +106,9 @@ pub(crate) fn slope(
     let [rx, ry] = calibration.reference_q16;
     let (x, y) = (cx.wrapping_sub(rx) << HEADROOM, cy.wrapping_sub(ry) << HEADROOM);
     let tilt_ulp = calibration.gain.map(|[gx, gy]| {
-        let product = |gain: i16, c: i32| fixed::mul_high(i32::from(gain) << 16, c);
+        let product = |gain: i16, c: i32| fixed::mul_high(scale.factor(gain), c);
         let sum = product(gx, x).wrapping_add(product(gy, y));
-        let raised = sum.wrapping_add(scale.raise) >> scale.right;
-        fixed::clamp_raised(raised, scale.limit) << scale.left
+        fixed::clamp(sum, scale.limit) << scale.left
     });
     let flux = measurement.flux;
     let valid = (flux >= calibration.flux_min) & (flux <= calibration.flux_max);
@@ -113,6 +129,46 @@ pub(crate) fn valid_in_proportion(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Slopes of the furthest centroids, with and without limits, of gains and references of all sizes.
+    #[test]
+    fn free_slopes_need_no_limits() {
+        let mut free = 0;
+        for (exponent, gain) in
+            (0..10).flat_map(|e| (6..16).map(move |b| (e, i16::MAX >> (15 - b))))
+        {
+            let scale = SlopeScale::new(exponent);
+            for (window, reference) in [(8, 0), (8, 1 << 19), (16, -70_000), (32, 1 << 21)] {
+                let calibration = SlopeCalibration {
+                    reference_q16: [reference, -reference],
+                    gain: [[gain, -gain / 3], [gain / 5, -gain]],
+                    flux_min: 1,
+                    flux_max: 1,
+                };
+                if !calibration.is_free(scale, window) {
+                    continue;
+                }
+                free += 1;
+                let edge = ((window as i32 - 1) << (CENTROID_BITS - 1)) + 2;
+                for centroid_q16 in [[edge, edge], [edge, -edge], [-edge, edge], [-edge, -edge]] {
+                    let measurement = Measurement { centroid_q16, ..Measurement::default() };
+                    let limited = slope(&calibration, scale, &measurement).tilt_ulp;
+                    let [x, y] = [0, 1].map(|axis| {
+                        f64::from(centroid_q16[axis] - calibration.reference_q16[axis]) / 65_536.0
+                    });
+                    for (tilt, [gx, gy]) in limited.into_iter().zip(calibration.gain) {
+                        let exact =
+                            f64::exp2(exponent.into()) * (f64::from(gx) * x + f64::from(gy) * y);
+                        let step = f64::exp2(scale.left.into());
+                        let below = (exact - f64::from(tilt)) / step;
+                        assert!((0.0..2.0).contains(&below), "{tilt} for {exact}");
+                        assert!(tilt.abs() < TILT_LIMIT);
+                    }
+                }
+            }
+        }
+        assert!(free > 100, "{free}");
+    }
 
     #[test]
     fn limits_shrink_with_the_pulses() {

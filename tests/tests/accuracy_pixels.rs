@@ -22,6 +22,8 @@ type Path = Pipeline<16, { 4 * 1024 }>;
 
 /// Pixels: the specified rms error of a centroid on the same pixels.
 const CENTROID_PX: f64 = 1e-4;
+/// Largest error of a quotient, pixels: an ulp of Q16 that is rounded down, and 2^-20 of up to 16 pixels.
+const ROUNDED_PX: f64 = 2.0 / 65536.0;
 
 const WINDOWS: [u8; 6] = [4, 5, 8, 13, 16, 32];
 
@@ -84,8 +86,10 @@ fn compare(
                 Numbers::Stored => f64::from(measured.peak),
                 Numbers::Physical => seen.peak,
             };
+            history.near = [0.0; 2];
             if measured.flux > 0 {
                 history.centroid = pixels(measured);
+                history.near = history.centroid;
             }
         }
     }
@@ -147,8 +151,7 @@ fn survey(name: &str, estimator: impl Fn(u8) -> Estimator) -> (f64, f64) {
 fn plain_centre_of_gravity() {
     let (rms, most) = with_big_stack(|| survey("plain", |_| Estimator::CentreOfGravity));
     assert!(rms <= CENTROID_PX);
-    // One ulp of Q16: the division is exact but for its rounding.
-    assert!(most <= 1.0 / 65536.0, "{most:e}");
+    assert!(most <= ROUNDED_PX, "{most:e}");
 }
 
 #[test]
@@ -157,7 +160,7 @@ fn thresholded_centre_of_gravity() {
         let estimator = |_| Estimator::ThresholdedCentreOfGravity { peak_fraction };
         let (rms, most) = with_big_stack(|| survey("thresholded", estimator));
         assert!(rms <= CENTROID_PX);
-        assert!(most <= 1.0 / 65536.0, "{most:e}");
+        assert!(most <= ROUNDED_PX, "{most:e}");
     }
 }
 
@@ -168,7 +171,7 @@ fn brightest_pixels() {
         let estimator = |window| Estimator::Brightest { count: count(window) };
         let (rms, most) = with_big_stack(|| survey("brightest", estimator));
         assert!(rms <= CENTROID_PX);
-        assert!(most <= 1.0 / 65536.0, "{most:e}");
+        assert!(most <= ROUNDED_PX, "{most:e}");
     }
 }
 
@@ -262,7 +265,7 @@ fn exact_calibration_is_the_physical_one() {
                 instrument.estimator = Estimator::CentreOfGravity;
                 let frames = steady(&instrument, 2000, &mut rng);
                 let error = largest(physical_errors(&instrument, &frames));
-                assert!(error <= 1.0 / 65536.0, "W = {window}, {convention:?}: {error:e}");
+                assert!(error <= ROUNDED_PX, "W = {window}, {convention:?}: {error:e}");
             }
         }
     });
@@ -330,7 +333,7 @@ fn dark_windows_are_zero() {
 }
 
 /// s = G (c - reference) from the firmware's own centroids: largest error beyond what the formats
-/// allow (one ulp, the Q16 of the reference, 16-bit mantissas), ulp.
+/// allow (two products rounded down, the Q16 of the reference, 16-bit mantissas), ulp.
 fn slope_excess(instrument: &Instrument, measured: &[Measurement], slopes: &[Slope]) -> f64 {
     let ulp_m = instrument.ulp_m();
     let gains = (0..instrument.count()).map(|i| instrument.slope_gain_m_per_px.at(i));
@@ -346,7 +349,7 @@ fn slope_excess(instrument: &Instrument, measured: &[Measurement], slopes: &[Slo
             // A mantissa counts whole ulp per pixel, or more of them.
             let mantissa = f64::max(3.06e-5 * largest_gain, 0.5) * (x.abs() + y.abs());
             let reference = (gx.abs() + gy.abs()) / ulp_m / 131_072.0;
-            let allowed = 1.0 + mantissa + reference;
+            let allowed = 2.0 + mantissa + reference;
             excess = excess.max((f64::from(tilt) - exact).abs() - allowed);
         }
     }
@@ -395,7 +398,7 @@ fn slopes_are_the_gain_times_the_centroid() {
     }
 }
 
-/// With a gain that is a power of two of ulp per pixel nothing but the last rounding is left.
+/// With a gain that is a power of two of ulp per pixel nothing but the last rounding, down, is left.
 #[test]
 fn exact_gains_round_once() {
     let mut rng = Rng::new(22);
@@ -412,7 +415,7 @@ fn exact_gains_round_once() {
         run_frame(&mut path, &config, number, &frame);
         for (measured, slope) in path.measurements().iter().zip(path.slopes()) {
             let [x, y] = [0, 1].map(|axis| pixels(measured)[axis] - reference[axis]);
-            let exact = [-y, x].map(|c| round(16384.0 * c));
+            let exact = [-y, x].map(|c| (16384.0 * c).floor());
             assert_eq!(slope.tilt_ulp.map(f64::from), exact);
         }
     }

@@ -10,7 +10,7 @@
 //! makes it less by 2^15: the distances of pixels from the window's centre add up to zero over a row,
 //! so that this cancels in the moment, and of the sum it is taken back.
 
-use super::{Kernel, Rows, put_word, word};
+use super::{Kernel, Rows, Watched, seen};
 use crate::centroid::RowSums;
 use crate::pixels::{Cut, Seen};
 
@@ -25,8 +25,7 @@ const ONES: u32 = 0x0001_0001;
 mod instructions {
     use core::arch::asm;
 
-    /// Instructions as safe functions. The first of two must not overwrite what the second reads:
-    /// its output is `out`, not `lateout`.
+    /// Instructions as safe functions.
     macro_rules! instructions {
         ($($(#[$doc:meta])* $name:ident($($x:ident),*) = $($code:literal),* => $out:ident;)*) => {$(
             $(#[$doc])*
@@ -51,10 +50,6 @@ mod instructions {
         uqsub16(x, y) = "uqsub16 {out}, {x}, {y}" => lateout;
         /// `sum` plus both products of the lanes, signed.
         smlad(x, y, sum) = "smlad {out}, {x}, {y}, {sum}" => lateout;
-        /// The larger of each lane, unsigned.
-        larger(x, y) = "usub16 {out}, {x}, {y}", "sel {out}, {x}, {y}" => out;
-        /// One in each lane where x >= y, unsigned.
-        reached(x, y, one, zero) = "usub16 {out}, {x}, {y}", "sel {out}, {one}, {zero}" => out;
     }
 }
 
@@ -90,7 +85,7 @@ mod instructions {
     }
 }
 
-use instructions::{larger, reached, smlad, uqsub16};
+use instructions::{smlad, uqsub16};
 
 /// `x` in both lanes.
 #[inline(always)]
@@ -146,9 +141,21 @@ fn from_places<const N: usize>(sum: u32, places: u32, running: u32) -> RowSums {
 
 #[cfg(not(armv7em))]
 mod row {
-    use super::{ONES, RowSums, Rows, from_places, smlad, uqsub16};
+    use super::instructions::{larger, reached};
+    use super::{ONES, RowSums, Rows, Watched, from_places, smlad, uqsub16};
 
     pub(super) use super::word_sums as sums;
+
+    pub(super) fn watch(watched: Watched<'_>, [excess, white]: [u32; 2]) -> [u32; 2] {
+        let (mut peak, mut saturated) = (0, 0);
+        for (&raw, &floor) in watched.raw.iter().zip(watched.floor) {
+            let signal = uqsub16(uqsub16(raw, floor), excess);
+            peak = larger(signal, peak);
+            let lit = reached(signal, ONES, ONES, 0);
+            saturated += reached(raw, white, lit, 0);
+        }
+        [peak, saturated]
+    }
 
     pub(super) fn narrow_sums<const N: usize, const EVEN: bool>(
         rows: Rows<'_, N>,
@@ -173,7 +180,7 @@ mod row {
 /// are counted up in a register, and thirteen registers are all that there are.
 #[cfg(armv7em)]
 mod row {
-    use super::{FIRST, ONES, RowSums, Rows, word_sums};
+    use super::{FIRST, ONES, RowSums, Rows, Watched, word_sums};
     use core::arch::asm;
 
     /// Two words.
@@ -337,60 +344,54 @@ mod row {
         super::from_places::<N>(sum, places, running)
     }
 
-    /// Looks at two words of a row. Of pixels that are saturated the signals are kept, and 2^16 - 2 more,
-    /// as far as 16 bits hold it, is -1 where there is one and -2 where there is none.
+    /// Looks at a word. Of pixels that are saturated the signals are kept, and 2^16 - 2 more, as far as 16 bits
+    /// hold it, is -1 where there is one and -2 where there is none.
     macro_rules! look {
-        () => {
+        ($raw:literal $signal:literal) => {
             concat!(
-                "ldrd {a}, {b}, [{raw}], #8\n ldrd {c}, {d}, [{floor}], #8\n",
-                "uqsub16 {c}, {a}, {c}\n uqsub16 {d}, {b}, {d}\n",
-                "uqsub16 {c}, {c}, {excess}\n uqsub16 {d}, {d}, {excess}\n",
-                look!(word "{a}" "{c}"), look!(word "{b}" "{d}"),
-            )
-        };
-        (word $raw:literal $signal:literal) => {
-            concat!(
-                "usub16 ", $raw, ", ", $raw, ", {white}\n sel ", $raw, ", ", $signal, ", {none}\n",
-                "uqadd16 ", $raw, ", ", $raw, ", {less}\n smlad {dark}, ", $raw, ", {less}, {dark}\n",
-                "usub16 ", $raw, ", ", $signal, ", {peak}\n sel {peak}, ", $signal, ", {peak}\n",
+                "usub16 ",
+                $raw,
+                ", ",
+                $raw,
+                ", {white}\n sel ",
+                $raw,
+                ", ",
+                $signal,
+                ", {none}\n",
+                "uqadd16 ",
+                $raw,
+                ", ",
+                $raw,
+                ", {less}\n smlad {dark}, ",
+                $raw,
+                ", {less}, {dark}\n",
             )
         };
     }
 
-    /// Peaks and saturated pixels of a row of 4 or 8 words, in their lanes and in a lane; `None` for others.
+    /// Peaks and saturated pixels, in their lanes and in a lane.
     #[inline(always)]
-    pub(super) fn note<const N: usize>(
-        (raw, floor): (&[u32; N], &[u32; N]),
-        [excess, white]: [u32; 2],
-        mut peak: u32,
-    ) -> Option<[u32; 2]> {
+    pub(super) fn watch(watched: Watched<'_>, [excess, white]: [u32; 2]) -> [u32; 2] {
+        let Watched { raw: [a, b], floor: [c, d] } = watched;
         // -2 in both lanes.
         let less = 0xfffe_fffeu32;
         let mut dark = 0u32;
-        macro_rules! look_at {
-            ($code:expr) => {
-                // SAFETY: the instructions read the two arrays only. They write registers that are given
-                // here, and the status flags, which count as changed.
-                #[allow(unsafe_code)]
-                unsafe {
-                    asm!($code,
-                        raw = inout(reg) raw.as_ptr() => _, floor = inout(reg) floor.as_ptr() => _,
-                        excess = in(reg) excess, white = in(reg) white, none = in(reg) 0,
-                        less = in(reg) less, peak = inout(reg) peak, dark = inout(reg) dark,
-                        a = out(reg) _, b = out(reg) _, c = out(reg) _, d = out(reg) _,
-                        options(pure, readonly, nostack));
-                }
-            };
+        let peak: u32;
+        // SAFETY: the instructions write registers that are given here, and the status flags, which count as
+        // changed; they touch no memory.
+        #[allow(unsafe_code)]
+        unsafe {
+            asm!("uqsub16 {c}, {a}, {c}", "uqsub16 {d}, {b}, {d}",
+                "uqsub16 {c}, {c}, {excess}", "uqsub16 {d}, {d}, {excess}",
+                look!("{a}" "{c}"), look!("{b}" "{d}"),
+                "usub16 {a}, {d}, {c}", "sel {c}, {d}, {c}",
+                excess = in(reg) excess, white = in(reg) white, none = in(reg) 0, less = in(reg) less,
+                dark = inout(reg) dark, a = inout(reg) *a => _, b = inout(reg) *b => _,
+                c = inout(reg) *c => peak, d = inout(reg) *d => _,
+                options(pure, nomem, nostack));
         }
-        if N == 4 {
-            look_at!(concat!(look!(), look!()));
-        } else if N == 8 {
-            look_at!(concat!(look!(), look!(), look!(), look!()));
-        } else {
-            return None;
-        }
-        // Of 2 N pixels, each saturated one 2 instead of 4.
-        Some([peak, 4 * N as u32 - dark / 2])
+        // Of four pixels, each saturated one 2 instead of 4.
+        [peak, 8 - dark / 2]
     }
 
     /// See [`word_sums`].
@@ -456,30 +457,15 @@ impl<const N: usize> Kernel<N> for Pairs {
     }
 
     #[inline(always)]
-    fn window(self, rows: Rows<'_, N>, row: (&[u32; N], &[u32; N]), cut: Cut) -> (RowSums, Seen) {
-        let mut seen = Seen::NOTHING;
-        self.note(row, cut, &mut seen);
+    fn window(self, rows: Rows<'_, N>, watched: Watched<'_>, cut: Cut) -> (RowSums, Seen) {
+        let seen = Kernel::<N>::watch(self, watched, cut);
         (sums::<N, true>(rows, cut), seen)
     }
 
     #[inline(always)]
-    fn note(self, (raw, floor): (&[u32; N], &[u32; N]), cut: Cut, seen: &mut Seen) {
-        let (excess, white) = (both(cut.excess), both(cut.saturation));
-        let (mut peak, mut saturated) = (word(&seen.peak), word(&seen.saturated));
-        #[cfg(armv7em)]
-        if let Some([peak, more]) = row::note((raw, floor), [excess, white], peak) {
-            put_word(&mut seen.peak, peak);
-            put_word(&mut seen.saturated, saturated.wrapping_add(more));
-            return;
-        }
-        for (&raw, &floor) in raw.iter().zip(floor) {
-            let signal = uqsub16(uqsub16(raw, floor), excess);
-            peak = larger(signal, peak);
-            let lit = reached(signal, ONES, ONES, 0);
-            saturated = saturated.wrapping_add(reached(raw, white, lit, 0));
-        }
-        put_word(&mut seen.peak, peak);
-        put_word(&mut seen.saturated, saturated);
+    fn watch(self, watched: Watched<'_>, cut: Cut) -> Seen {
+        let [peak, saturated] = row::watch(watched, [both(cut.excess), both(cut.saturation)]);
+        seen(peak, saturated)
     }
 }
 

@@ -12,7 +12,7 @@
 //! Whole windows have kernels of their own, which take rows together: work on a single row is work that is not
 //! pixels. That of 16 x 16 is here, that of 8 x 8 in `squares`.
 
-use super::{Kernel, Rows, put_word, word};
+use super::{Kernel, Rows, Watched, seen};
 use crate::centroid::RowSums;
 use crate::pixels::{Cut, Seen};
 
@@ -55,17 +55,10 @@ pub(super) struct Levels {
     pub(super) white: u32,
 }
 
-/// What was found in each lane of the watched rows.
-#[derive(Clone, Copy)]
-struct Watch {
-    peak: u32,
-    saturated: u32,
-}
-
 /// What is done to rows.
 #[cfg(target_arch = "riscv32")]
 mod row {
-    use super::{Levels, ONES, Rows, SIGNS, Sums, WORDS, Watch};
+    use super::{Levels, ONES, Rows, SIGNS, Sums, WORDS, Watched};
     use core::arch::asm;
 
     /// Instructions on each row, which has `bytes`. The loop is entered at its end, so that its time
@@ -209,31 +202,8 @@ mod row {
         };
     }
 
-    /// Looks at two words of a row each. With its lane's top bit set, a signal less the peak so far keeps
-    /// it where it is no less, and less one where it is not zero.
-    macro_rules! note {
-        ($($first:literal $second:literal)*) => {
-            concat!($(
-                "lw {a}, ", $first, "({watched})\n lw {c}, ", $first, "({watched_floor})\n",
-                "lw {b}, ", $second, "({watched})\n lw {d}, ", $second, "({watched_floor})\n",
-                note!(word "{a}" "{c}"), note!(word "{b}" "{d}"),
-            )*)
-        };
-        (word $word:literal $floor:literal) => {
-            concat!(
-                "add {e}, ", $word, ", {open}\n add ", $word, ", ", $word, ", {white}\n",
-                "sub {e}, {e}, ", $floor, "\n sub ", $floor, ", {e}, {k0}\n",
-                "sub {e}, {e}, {ones}\n and ", $word, ", ", $word, ", {e}\n",
-                "and {e}, ", $floor, ", {signs}\n and ", $word, ", ", $word, ", {signs}\n",
-                "srli ", $word, ", ", $word, ", 15\n add {k1}, {k1}, ", $word, "\n",
-                "srli ", $word, ", {e}, 15\n sub {e}, {e}, ", $word, "\n",
-                "and ", $floor, ", ", $floor, ", {e}\n add {k0}, {k0}, ", $floor, "\n",
-            )
-        };
-    }
-
     /// Gives `run` what rows of 4 or 8 words take: bytes of a row, instructions on it, what is then done
-    /// to columns, what looks at a row, and the columns' names.
+    /// to columns, and the columns' names.
     macro_rules! for_width {
         ($run:ident) => {
             if N == WORDS {
@@ -242,15 +212,13 @@ mod row {
                     columns!("8" "k2" "12" "k3"), "add {a}, {a}, {b}\n add {row}, {row}, {a}\n",
                     columns!("16" "k4" "20" "k5"), "add {a}, {a}, {b}\n add {row}, {row}, {a}\n",
                     columns!("24" "k6" "28" "k7"), "add {a}, {a}, {b}\n add {row}, {row}, {a}\n"),
-                    concat!(last!("k7"), before!("k6" "k5" "k4" "k3" "k2" "k1"), first!("k0")),
-                    note!("0" "4" "8" "12" "16" "20" "24" "28");
+                    concat!(last!("k7"), before!("k6" "k5" "k4" "k3" "k2" "k1"), first!("k0"));
                     k0, k1, k2, k3, k4, k5, k6, k7);
             } else {
                 $run!("16", concat!(
                     columns!("0" "k0" "4" "k1"), "add {row}, {a}, {b}\n",
                     columns!("8" "k2" "12" "k3"), "add {a}, {a}, {b}\n add {row}, {row}, {a}\n"),
-                    concat!(last!("k3"), before!("k2" "k1"), first!("k0")),
-                    note!("0" "4" "8" "12"); k0, k1, k2, k3);
+                    concat!(last!("k3"), before!("k2" "k1"), first!("k0")); k0, k1, k2, k3);
             }
         };
     }
@@ -262,7 +230,7 @@ mod row {
         let floor = floor.as_flattened().as_ptr_range();
         let (sum, running, second, words): (u32, u32, u32, u32);
         macro_rules! run {
-            ($bytes:literal, $row:expr, $columns:expr, $note:expr; $($column:ident),*) => {
+            ($bytes:literal, $row:expr, $columns:expr; $($column:ident),*) => {
                 // SAFETY: the instructions write registers that are given here and no memory, and
                 // read the rows only, which `Block::rows` found in their slices.
                 #[allow(unsafe_code)]
@@ -285,32 +253,36 @@ mod row {
         Sums { sum, words, second, running }
     }
 
-    /// Looks at a row; `N` is 4 or 8.
+    /// Peaks and saturated pixels in their lanes. With its lane's top bit set, a signal less the first one keeps it
+    /// where it is no less, and less one where it is not zero.
     #[inline(always)]
-    pub(super) fn note<const N: usize>(
-        (raw, floor): (&[u32; N], &[u32; N]),
+    pub(super) fn watch(
+        Watched { raw: [first, second], floor: [first_floor, second_floor] }: Watched<'_>,
         Levels { open, white }: Levels,
-        Watch { mut peak, mut saturated }: Watch,
-    ) -> Watch {
-        macro_rules! run {
-            ($bytes:literal, $row:expr, $columns:expr, $note:expr; $($column:ident),*) => {
-                // SAFETY: the instructions write registers that are given here and no memory, and
-                // read the two arrays only.
-                #[allow(unsafe_code)]
-                unsafe {
-                    asm!($note,
-                        watched = in(reg) raw.as_ptr(), watched_floor = in(reg) floor.as_ptr(),
-                        open = in(reg) open, white = in(reg) white,
-                        signs = in(reg) SIGNS, ones = in(reg) ONES,
-                        k0 = inout(reg) peak, k1 = inout(reg) saturated,
-                        a = out(reg) _, b = out(reg) _, c = out(reg) _, d = out(reg) _,
-                        e = out(reg) _,
-                        options(pure, readonly, nostack));
-                }
-            };
+    ) -> [u32; 2] {
+        let (peak, saturated): (u32, u32);
+        // SAFETY: the instructions write registers that are given here and no memory.
+        #[allow(unsafe_code)]
+        unsafe {
+            asm!("add {peak}, {a}, {open}", "add {a}, {a}, {white}",
+                "sub {peak}, {peak}, {c}", "sub {c}, {peak}, {ones}",
+                "and {a}, {a}, {c}", "and {c}, {peak}, {signs}",
+                "and {a}, {a}, {signs}", "srli {saturated}, {a}, 15",
+                "srli {a}, {c}, 15", "sub {c}, {c}, {a}", "and {peak}, {peak}, {c}",
+                "add {a}, {b}, {open}", "add {b}, {b}, {white}",
+                "sub {a}, {a}, {d}", "sub {d}, {a}, {peak}",
+                "sub {a}, {a}, {ones}", "and {b}, {b}, {a}",
+                "and {a}, {d}, {signs}", "and {b}, {b}, {signs}",
+                "srli {b}, {b}, 15", "add {saturated}, {saturated}, {b}",
+                "srli {b}, {a}, 15", "sub {a}, {a}, {b}",
+                "and {d}, {d}, {a}", "add {peak}, {peak}, {d}",
+                a = inout(reg) *first => _, b = inout(reg) *second => _,
+                c = inout(reg) *first_floor => _, d = inout(reg) *second_floor => _,
+                open = in(reg) open, white = in(reg) white, signs = in(reg) SIGNS, ones = in(reg) ONES,
+                peak = out(reg) peak, saturated = out(reg) saturated,
+                options(pure, nomem, nostack));
         }
-        for_width!(run);
-        Watch { peak, saturated }
+        [peak, saturated]
     }
 
     /// Two words, added to their column's sum, or its first ones.
@@ -399,7 +371,7 @@ mod row {
 /// The same in portable arithmetic, so that the kernel can be tested on a PC.
 #[cfg(not(target_arch = "riscv32"))]
 mod row {
-    use super::{Levels, ONES, Rows, SIGNS, Sums, WORDS, Watch};
+    use super::{Levels, ONES, Rows, SIGNS, Sums, WORDS, Watched};
 
     /// The lanes whose top bit is set, without it; zero for the others.
     fn positive(d: u32) -> u32 {
@@ -426,18 +398,15 @@ mod row {
         sums
     }
 
-    pub(super) fn note<const N: usize>(
-        (raw, floor): (&[u32; N], &[u32; N]),
-        levels: Levels,
-        mut watch: Watch,
-    ) -> Watch {
-        for (raw, floor) in raw.iter().zip(floor) {
+    pub(super) fn watch(watched: Watched<'_>, levels: Levels) -> [u32; 2] {
+        let (mut peak, mut saturated) = (0, 0);
+        for (raw, floor) in watched.raw.iter().zip(watched.floor) {
             let signal = raw.wrapping_add(levels.open).wrapping_sub(*floor);
             let counts = raw.wrapping_add(levels.white) & signal.wrapping_sub(ONES) & SIGNS;
-            watch.saturated += counts >> 15;
-            watch.peak += positive(signal.wrapping_sub(watch.peak));
+            saturated += counts >> 15;
+            peak += positive(signal.wrapping_sub(peak));
         }
-        watch
+        [peak, saturated]
     }
 
     pub(super) use self::sums as square_sums;
@@ -482,17 +451,14 @@ impl<const N: usize> Kernel<N> for Narrow {
     }
 
     #[inline(always)]
-    fn note(self, row: (&[u32; N], &[u32; N]), cut: Cut, seen: &mut Seen) {
-        let watch = Watch { peak: word(&seen.peak), saturated: word(&seen.saturated) };
-        let Watch { peak, saturated } = row::note(row, Levels::new(cut), watch);
-        put_word(&mut seen.peak, peak);
-        put_word(&mut seen.saturated, saturated);
+    fn watch(self, watched: Watched<'_>, cut: Cut) -> Seen {
+        let [peak, saturated] = row::watch(watched, Levels::new(cut));
+        seen(peak, saturated)
     }
 
     #[inline(always)]
-    fn window(self, rows: Rows<'_, N>, row: (&[u32; N], &[u32; N]), cut: Cut) -> (RowSums, Seen) {
-        let mut seen = Seen::NOTHING;
-        self.note(row, cut, &mut seen);
+    fn window(self, rows: Rows<'_, N>, watched: Watched<'_>, cut: Cut) -> (RowSums, Seen) {
+        let seen = Kernel::<N>::watch(self, watched, cut);
         (row::square_sums(rows, Levels::new(cut)).finish::<N>(), seen)
     }
 }

@@ -1,5 +1,5 @@
 //! Pixels of more than 12 bits with ordinary 32-bit instructions, one at a time: eight instructions
-//! each, in loops of a row; windows of 8 x 8 without a loop.
+//! each, in loops of a row. Windows of 8 x 8 pixels have a kernel of their own, in `squares`.
 //!
 //! ```text
 //! d = raw - floor - excess        s = d [d > 0]: a multiplication takes a cycle, and a mask two
@@ -9,7 +9,7 @@
 //! `before` adds up to the sum over pixels x of (W - x) s, which gives the moment without a
 //! multiplication a pixel, as in [`crate::centroid::row_moments`]: below 16 x 136 x 65535 < 2^28.
 
-use super::{Kernel, Rows, halves};
+use super::{Kernel, Rows, Watched, halves};
 use crate::centroid::RowSums;
 use crate::fixed;
 use crate::pixels::{Cut, Seen};
@@ -30,126 +30,19 @@ mod row {
     use super::{Rows, Sums};
     use core::arch::asm;
 
-    /// The signals of two pixels from where they and their floors are, in `$a` and `$b`. Loads stand apart
-    /// from what needs them.
-    macro_rules! signals {
-        ($a:literal $b:literal: $first:literal $first_floor:literal $second:literal $second_floor:literal) => {
-            concat!(
-                "lhu ",
-                $a,
-                ", ",
-                $first,
-                "({raw})\n lhu {c}, ",
-                $first_floor,
-                "({floor})\n",
-                "lhu ",
-                $b,
-                ", ",
-                $second,
-                "({raw})\n lhu {d}, ",
-                $second_floor,
-                "({floor})\n",
-                "sub ",
-                $a,
-                ", ",
-                $a,
-                ", {c}\n sub ",
-                $b,
-                ", ",
-                $b,
-                ", {d}\n",
-                "sub ",
-                $a,
-                ", ",
-                $a,
-                ", {excess}\n sub ",
-                $b,
-                ", ",
-                $b,
-                ", {excess}\n",
-                "sgtz {c}, ",
-                $a,
-                "\n sgtz {d}, ",
-                $b,
-                "\n",
-                "mul ",
-                $a,
-                ", ",
-                $a,
-                ", {c}\n mul ",
-                $b,
-                ", ",
-                $b,
-                ", {d}\n",
-            )
-        };
-    }
-
-    /// Two pixels of a row.
+    /// Two pixels of a row. Loads stand apart from what needs them.
     macro_rules! pixels {
         ($($first:literal $second:literal)*) => {
             concat!($(
-                signals!("{a}" "{b}": $first $first $second $second),
+                "lhu {a}, ", $first, "({raw})\n lhu {c}, ", $first, "({floor})\n",
+                "lhu {b}, ", $second, "({raw})\n lhu {d}, ", $second, "({floor})\n",
+                "sub {a}, {a}, {c}\n sub {b}, {b}, {d}\n",
+                "sub {a}, {a}, {excess}\n sub {b}, {b}, {excess}\n",
+                "sgtz {c}, {a}\n sgtz {d}, {b}\n mul {a}, {a}, {c}\n mul {b}, {b}, {d}\n",
                 "add {row}, {row}, {a}\n add {before}, {before}, {row}\n",
                 "add {row}, {row}, {b}\n add {before}, {before}, {row}\n",
             )*)
         };
-    }
-
-    /// The first two of a row of 8 pixels, whose floors are from `y` bytes on.
-    macro_rules! begin {
-        () => {
-            signals!("{row}" "{b}": "0" "\\y" "2" "\\y + 2")
-        };
-    }
-
-    /// The others of it.
-    macro_rules! go_on {
-        ($($first:literal $first_floor:literal $second:literal $second_floor:literal)*) => {
-            concat!(
-                "add {before}, {before}, {row}\n",
-                "add {row}, {row}, {b}\n add {before}, {before}, {row}\n",
-                $(
-                    signals!("{a}" "{b}": $first $first_floor $second $second_floor),
-                    "add {row}, {row}, {a}\n add {before}, {before}, {row}\n",
-                    "add {row}, {row}, {b}\n add {before}, {before}, {row}\n",
-                )*
-            )
-        };
-    }
-
-    /// The sums of 8 x 8 pixels.
-    #[inline(always)]
-    fn square(raw: &[u32], stride: usize, floor: &[[u32; 4]; 8], excess: u32) -> Sums {
-        let (sum, before, running): (u32, u32, u32);
-        // SAFETY: as of `sums`; of `raw` it reads 4 words in each of 8 rows, those that have these floors.
-        #[allow(unsafe_code)]
-        unsafe {
-            asm!("li {before}, 0", "li {sum}, 0", "li {running}, 0",
-                ".irp y, 0, 16, 32, 48, 64, 80, 96, 112", begin!(),
-                go_on!("4" "\\y + 4" "6" "\\y + 6" "8" "\\y + 8" "10" "\\y + 10"
-                    "12" "\\y + 12" "14" "\\y + 14"),
-                "add {raw}, {raw}, {stride}", "add {sum}, {sum}, {row}",
-                "add {running}, {running}, {sum}", ".endr",
-                raw = inout(reg) raw.as_ptr() => _, stride = in(reg) stride.wrapping_mul(4),
-                floor = in(reg) floor.as_ptr(), excess = in(reg) excess,
-                sum = out(reg) sum, before = out(reg) before, running = out(reg) running,
-                a = out(reg) _, b = out(reg) _, c = out(reg) _, d = out(reg) _, row = out(reg) _,
-                options(pure, readonly, nostack));
-        }
-        Sums { sum, before, running }
-    }
-
-    /// The sums of a square window.
-    #[inline(always)]
-    pub(super) fn square_sums<const N: usize>(rows: Rows<'_, N>, excess: u32) -> Sums {
-        let Rows { raw, stride, floor } = rows;
-        if N == 4
-            && let ([floor], []) = floor.as_flattened().as_chunks().0.as_chunks()
-        {
-            return square(raw, stride, floor, excess);
-        }
-        sums(rows, excess)
     }
 
     /// See [`super::sums`]; `N` is 4 or 8.
@@ -216,8 +109,6 @@ mod row {
         });
         sums
     }
-
-    pub(super) use self::sums as square_sums;
 }
 
 /// The kernel of up to 16 bits.
@@ -249,28 +140,19 @@ impl<const N: usize> Kernel<N> for Wide {
     }
 
     #[inline(always)]
-    fn note(self, (raw, floor): (&[u32; N], &[u32; N]), cut: Cut, seen: &mut Seen) {
-        let ([peak, ..], [saturated, ..]) = (&mut seen.peak, &mut seen.saturated);
+    fn watch(self, watched: Watched<'_>, cut: Cut) -> Seen {
         // The highest level that is not saturated: what is above takes one comparison.
         let grey = i32::from(cut.saturation.wrapping_sub(1));
         let excess = i32::from(cut.excess);
-        // Zero or what was seen before, which nothing below zero exceeds.
-        let (mut most, mut count) = (i32::from(*peak), 0);
-        for (&raw, &floor) in halves(raw).iter().zip(halves(floor)) {
+        // Zero, which nothing below it exceeds.
+        let (mut peak, mut saturated) = (0, 0);
+        for (&raw, &floor) in halves(watched.raw).iter().zip(halves(watched.floor)) {
             let raw = i32::from(raw);
             let signal = raw - i32::from(floor) - excess;
-            most = fixed::larger(signal, most);
-            count += i32::from(raw > grey) & i32::from(signal > 0);
+            peak = fixed::larger(signal, peak);
+            saturated += i32::from(raw > grey) & i32::from(signal > 0);
         }
-        *peak = most as u16;
-        *saturated = saturated.wrapping_add(count as u16);
-    }
-
-    #[inline(always)]
-    fn window(self, rows: Rows<'_, N>, row: (&[u32; N], &[u32; N]), cut: Cut) -> (RowSums, Seen) {
-        let mut seen = Seen::NOTHING;
-        self.note(row, cut, &mut seen);
-        (row::square_sums(rows, cut.excess.into()).finish::<N>(), seen)
+        Seen { peak: [peak as u16, 0], saturated: [saturated as u16, 0] }
     }
 }
 

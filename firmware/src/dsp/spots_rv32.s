@@ -3,7 +3,16 @@
     lw {d}, \i * {window} + {sum}({from})
     lw {x}, \i * {window} + {mx}({from})
     lw {y}, \i * {window} + {my}({from})
-    // Its leading zeros but 6, in `s`: by 9 and 9 bits, and by what the highest nine of the others say.
+    // Its leading zeros but 6, in `s`: by 9 and 9 bits, and by what the highest nine of the others say. Of a small
+    // one, by 9, and by what the highest nine below the next 8 say.
+.if {small}
+    sltiu {t}, {d}, 512
+    slli {s}, {t}, 3
+    add {s}, {s}, {t}
+    slli {u}, {d}, 6
+    sll {u}, {u}, {s}
+    srli {t}, {u}, 15
+.else
     srli {t}, {d}, 17
     seqz {t}, {t}
     sltiu {u}, {d}, 256
@@ -13,10 +22,10 @@
     slli {u}, {d}, 6
     sll {u}, {u}, {s}
     srli {t}, {u}, 23
+.endif
     add {t}, {t}, {zeros}
     lbu {t}, 0({t})
-    seqz {z}, {d}
-    addi {z}, {z}, -1
+    lhu {z}, \i * {window} + {peak}({from})
     sll {u}, {u}, {t}
     add {s}, {s}, {t}
     // Its inverse, in `p`: the chord of its cell.
@@ -33,111 +42,82 @@
     sub {p}, {p}, {t}
     // The centroid.
     mulh {x}, {x}, {p}
-    lhu {t}, \i * {window} + {peak}({from})
     mulh {y}, {y}, {p}
     lhu {s}, \i * {window} + {peak} + 2({from})
-    addi {x}, {x}, 256
-    addi {y}, {y}, 256
-    srai {x}, {x}, 9
-    srai {y}, {y}, 9
     sw {x}, \i * {measurement}({at})
     sw {y}, \i * {measurement} + 4({at})
     sw {d}, \i * {measurement} + {flux}({at})
     // The peak of both lanes, and what was taken off one.
     lhu {u}, \i * {window} + {white}({from})
     lhu {q}, \i * {window} + {white} + 2({from})
-    sub {s}, {t}, {s}
+    sub {s}, {z}, {s}
     srai {p}, {s}, 31
     and {s}, {s}, {p}
     lhu {p}, \i * {tracking} + {excess}({done})
-    sub {t}, {t}, {s}
+    sub {t}, {z}, {s}
     snez {s}, {t}
     mul {s}, {s}, {p}
     add {u}, {u}, {q}
-    lhu {q}, \i * 2({base})
+    lw {q}, \i * {limit} + {threshold}({limits})
     sh {u}, \i * {measurement} + {saturated}({at})
     add {saturated_sum}, {saturated_sum}, {u}
     add {t}, {t}, {s}
     sh {t}, \i * {measurement} + {highest}({at})
     // What the next moving threshold has beyond the fixed one.
     lw {p}, 8({shared})
+.if {low}
+    lw {u}, \i * {limit} + {gain}({limits})
+    mul {t}, {t}, {p}
     add {t}, {t}, {q}
-.if {low} == 0
+    srai {t}, {t}, 16
+.else
     lw {u}, 4({shared})
+    add {t}, {t}, {q}
     srli {s}, {t}, 16
     neg {s}, {s}
     or {t}, {t}, {s}
     and {t}, {t}, {u}
-.endif
+    lw {u}, \i * {limit} + {gain}({limits})
     mul {t}, {t}, {p}
-    lw {p}, 12({shared})
     lui {s}, 8
     add {t}, {t}, {s}
     srli {t}, {t}, 16
     sub {t}, {t}, {q}
-    lbu {q}, \i * {tracking} + {watched}({done})
+.endif
     sgtz {s}, {t}
     mul {t}, {t}, {s}
     sh {t}, \i * {tracking} + {excess}({next})
-    // The row nearest the centroid; without flux the same as before.
-    add {t}, {y}, {p}
-    srai {t}, {t}, 16
-    sub {t}, {t}, {q}
-    and {t}, {t}, {z}
-    add {t}, {t}, {q}
-    sb {t}, \i * {tracking} + {watched}({next})
-    // The slope: products' upper halves, rounded and limited.
+    // The pixel nearest the centroid; without flux that is in the middle.
+    srai {t}, {x}, 16
+    srai {s}, {y}, 16
+    sb {t}, \i * {tracking} + {near}({next})
+    sb {s}, \i * {tracking} + {near} + 1({next})
+    // The slope: products' upper halves.
     lw {t}, \i * {calibration} + {reference}({cal})
     lw {s}, \i * {calibration} + {reference} + 4({cal})
-    lw {u}, \i * {calibration} + {gain}({cal})
-    lw {q}, \i * {calibration} + {gain} + 4({cal})
+    lw {p}, \i * {limit} + {gain} + 4({limits})
+    lw {q}, \i * {limit} + {gain} + 8({limits})
+    lw {z}, \i * {limit} + {gain} + 12({limits})
     sub {x}, {x}, {t}
     sub {y}, {y}, {s}
     slli {x}, {x}, {headroom}
     slli {y}, {y}, {headroom}
-    slli {t}, {u}, 16
-    mulh {t}, {t}, {x}
-    and {u}, {u}, {upper}
-    mulh {u}, {u}, {y}
-    slli {s}, {q}, 16
-    mulh {s}, {s}, {x}
-    and {q}, {q}, {upper}
-    mulh {q}, {q}, {y}
-    lw {p}, 16({shared})
-    lw {z}, 20({shared})
-    add {t}, {t}, {u}
-    add {s}, {s}, {q}
-    add {t}, {t}, {p}
-    add {s}, {s}, {p}
-    lui {p}, {room} >> 12
-    sra {t}, {t}, {z}
-    sra {s}, {s}, {z}
-    sgtz {x}, {t}
-    sgtz {y}, {s}
-    mul {t}, {t}, {x}
-    mul {s}, {s}, {y}
-    lui {z}, {limit} >> 12
-    sub {t}, {t}, {p}
-    sub {s}, {s}, {p}
-    srai {x}, {t}, 31
-    srai {y}, {s}, 31
-    and {t}, {t}, {x}
-    and {s}, {s}, {y}
+    mulh {t}, {u}, {x}
+    mulh {p}, {p}, {y}
+    mulh {s}, {q}, {x}
+    mulh {z}, {z}, {y}
     lw {x}, \i * {calibration} + {flux_min}({cal})
-    lw {y}, \i * {calibration} + {flux_max}({cal})
-    add {t}, {t}, {z}
+    lw {y}, \i * {limit} + {flux_span}({limits})
+    add {t}, {t}, {p}
     add {s}, {s}, {z}
     sw {t}, \i * {slope} + {tilt}({to})
     sw {s}, \i * {slope} + {tilt} + 4({to})
     // Whether the flux is within its limits.
-    sltu {x}, {d}, {x}
-    sltu {y}, {y}, {d}
+    sub {x}, {d}, {x}
+    sltu {x}, {x}, {y}
     lw {p}, \i * 8({applied})
     lw {q}, \i * 8 + 4({applied})
-    or {x}, {x}, {y}
-    xori {x}, {x}, 1
-    lhu {z}, \i * {node}({nodes})
-    lw {u}, 24({shared})
+    lw {z}, \i * {limit} + {place}({limits})
     sb {x}, \i * {slope} + {valid}({to})
     add {count}, {count}, {x}
     // What a flat mirror would have shown, and its place.
@@ -147,15 +127,12 @@
     mul {s}, {s}, {x}
     add {sum_x}, {sum_x}, {t}
     add {sum_y}, {sum_y}, {s}
-    bgeu {z}, {u}, 99f
-    slli {z}, {z}, 3
     add {z}, {z}, {open_loop}
     slli {t}, {t}, {guard}
     or {t}, {t}, {x}
     slli {s}, {s}, {guard}
     sw {t}, 0({z})
     sw {s}, 4({z})
-99:
 .endm
 
 // Four a turn; the first one is entered behind `t` of them. Jumps to words' addresses: into the middle of one takes a
@@ -178,10 +155,9 @@
     addi {at}, {at}, 4 * {measurement}
     addi {done}, {done}, 4 * {tracking}
     addi {next}, {next}, 4 * {tracking}
-    addi {base}, {base}, 8
+    addi {limits}, {limits}, 4 * {limit}
     addi {cal}, {cal}, 4 * {calibration}
     addi {applied}, {applied}, 32
-    addi {nodes}, {nodes}, 4 * {node}
     addi {to}, {to}, 4 * {slope}
     bne {from}, {t}, 3b
 .purgem spot

@@ -40,59 +40,17 @@
     add {a}, {a}, {b}
     add {pair}, {pair}, {a}
 .endm
-// Looks at a word of the watched row, before `odd` has the rows' sum its peak, `pair` how many are saturated, `k2`
-// and `k3` what takes a saturated pixel to its lane's top bit and ones. With that bit set, a signal less the peak so
-// far keeps it where it is no less, and less one where it is not zero.
-.macro note word, floor
-    add {e}, \word, {open}
-    add \word, \word, {k2}
-    sub {e}, {e}, \floor
-    sub \floor, {e}, {odd}
-    sub {e}, {e}, {k3}
-    and \word, \word, {e}
-    and {e}, \floor, {signs}
-    and \word, \word, {signs}
-    srli \word, \word, 15
-    add {pair}, {pair}, \word
-    srli \word, {e}, 15
-    sub {e}, {e}, \word
-    and \floor, \floor, {e}
-    add {odd}, {odd}, \floor
-.endm
-
-// The `i`-th window from where the pointers are; `out` is where it goes from one that is not to be taken.
-.macro square i, out
-    // Its first pixel, in bytes from that of the rows.
-    lhu {b}, \i * {slots} + {y0}({slot})
-    lhu {a}, \i * {slots} + {x0}({slot})
-    lw {c}, 0({shared})
-    mul {b}, {b}, {stride}
-    lw {d}, 4({shared})
-    slli {a}, {a}, 1
-    add {a}, {a}, {c}
-    add {a}, {a}, {b}
-    andi {b}, {a}, 2
-    bnez {b}, \out
-    bltu {d}, {a}, \out
-    lw {c}, 8({shared})
-    lhu {open}, \i * {trackings} + {excess}({tracking})
-    lbu {e}, \i * {trackings} + {watched}({tracking})
-    lw {f}, 12({shared})
-    add {raw}, {a}, {c}
-    andi {e}, {e}, 7
-    mul {a}, {e}, {stride}
-    slli {e}, {e}, 4
-    mul {open}, {open}, {f}
-    add {raw2}, {floor}, {e}
-    add {raw1}, {raw}, {a}
-    add {open}, {open}, {signs}
-    // The watched row, at `raw1` with its floors at `raw2`. Nothing was seen before its first word.
-    lw {k2}, 16({shared})
-    lw {k3}, 20({shared})
-    lw {a}, 0({raw1})
-    lw {c}, \i * 128 + 0({raw2})
-    lw {b}, 4({raw1})
-    lw {d}, \i * 128 + 4({raw2})
+// Looks at the watched pixels: `odd` has their peaks and `pair` how many are saturated.
+.macro watch floors
+    lw {k3}, 16({shared})
+    lw {k2}, 12({shared})
+    mul {open}, {open}, {k3}
+    lw {a}, 8({raw1})
+    lw {c}, \floors + 8({raw2})
+    lw {b}, 12({raw1})
+    lw {d}, \floors + 12({raw2})
+    // Nothing was seen before the first word.
+    sub {open}, {signs}, {open}
     add {e}, {a}, {open}
     add {a}, {a}, {k2}
     sub {e}, {e}, {c}
@@ -104,13 +62,28 @@
     srli {a}, {c}, 15
     sub {c}, {c}, {a}
     and {odd}, {e}, {c}
-    note {b}, {d}
-    lw {a}, 8({raw1})
-    lw {c}, \i * 128 + 8({raw2})
-    lw {b}, 12({raw1})
-    lw {d}, \i * 128 + 12({raw2})
-    note {a}, {c}
-    note {b}, {d}
+    // With its lane's top bit set, a signal less the first one keeps it where it is no less, and less one where it is
+    // not zero.
+    add {e}, {b}, {open}
+    add {b}, {b}, {k2}
+    sub {e}, {e}, {d}
+    sub {d}, {e}, {odd}
+    sub {e}, {e}, {k3}
+    and {b}, {b}, {e}
+    and {e}, {d}, {signs}
+    and {b}, {b}, {signs}
+    srli {b}, {b}, 15
+    add {pair}, {pair}, {b}
+    srli {b}, {e}, 15
+    sub {e}, {e}, {b}
+    and {d}, {d}, {e}
+    add {odd}, {odd}, {d}
+.endm
+
+// The `i`-th window from where the pointers are; `out` is where it goes from one that is not to be taken.
+.macro square i, out
+    begin \i, \out
+    watch \i * 128
     sw {odd}, \i * {windows} + {seen_peak}({window})
     sw {pair}, \i * {windows} + {seen_saturated}({window})
     // All rows.
@@ -193,25 +166,3 @@
     sw {d}, \i * {windows} + {mx}({window})
     sw {half}, \i * {windows} + {my}({window})
 .endm
-
-// Two a turn; an odd first one enters in the middle. Jumps to words' addresses: into the middle of one takes a
-// cycle more.
-    bnez {a}, 2f
-.p2align 2
-3:  square 0, 9f
-.p2align 2
-2:  square 1, 8f
-    lw {a}, 24({shared})
-    addi {slot}, {slot}, 2 * {slots}
-    addi {tracking}, {tracking}, 2 * {trackings}
-    addi {floor}, {floor}, 256
-    addi {window}, {window}, 2 * {windows}
-    bne {window}, {a}, 3b
-    j 9f
-8:  addi {window}, {window}, {windows}
-9:
-.purgem signals
-.purgem upper
-.purgem lower
-.purgem note
-.purgem square

@@ -11,7 +11,7 @@
 
 use core::arch::x86_64::{self as x86, __m128i};
 
-use crate::pixels::{self, BankRow, Convention, Cut};
+use crate::pixels::{BankRow, Convention, Cut};
 
 /// Pixels in a register.
 pub(crate) const LANES: usize = 8;
@@ -50,7 +50,6 @@ instructions! {
     and_not(x: V, y: V) -> V = x86::_mm_andnot_si128;
     xor(x: V, y: V) -> V = x86::_mm_xor_si128;
     equal_16(x: V, y: V) -> V = x86::_mm_cmpeq_epi16;
-    add_16(x: V, y: V) -> V = x86::_mm_add_epi16;
     sub_16(x: V, y: V) -> V = x86::_mm_sub_epi16;
     add_32(x: V, y: V) -> V = x86::_mm_add_epi32;
     saturating_sub_u16(x: V, y: V) -> V = x86::_mm_subs_epu16;
@@ -76,36 +75,16 @@ struct Block<'a> {
     threshold: &'a [u8; LANES],
 }
 
-/// The larger of two unsigned numbers, for which SSE2 has no instruction.
-#[inline(always)]
-fn larger(x: V, y: V) -> V {
-    add_16(saturating_sub_u16(x, y), y)
-}
-
-/// What is gathered over the blocks of a watched row.
-struct Watch<'a>(Option<&'a mut pixels::Seen>);
-
-impl Watch<'_> {
-    #[inline(always)]
-    fn note(&mut self, signal: V, raw: V, cut: Cut) {
-        let Some(seen) = &mut self.0 else { return };
-        seen.peak = store(larger(load(&seen.peak), signal));
-        let white = equal_16(saturating_sub_u16(splat(cut.saturation), raw), zero());
-        let dark = equal_16(signal, zero());
-        seen.saturated = store(sub_16(load(&seen.saturated), and_not(dark, white)));
-    }
-}
-
 /// See [`crate::pixels::calibrate`] and [`crate::pixels::calibrate_zero_below`].
 #[inline(always)]
-fn calibrated(block: Block<'_>, cut: Cut, watch: &mut Watch<'_>) -> V {
+fn calibrated(block: Block<'_>, cut: Cut) -> V {
     let Block { raw, floor, loss, threshold } = block;
     let (raw, floor, loss) = (load(raw), load(floor), load(loss));
     let a = saturating_sub_u16(raw, floor);
     let high = product_high_u16(a, loss);
     let low = top_bit_16(product_low_16(a, loss));
     let flat = sub_16(sub_16(a, high), low);
-    let signal = match cut.convention {
+    match cut.convention {
         Convention::Subtract => saturating_sub_u16(flat, splat(cut.excess)),
         Convention::ZeroBelow => {
             let bytes = word(0, i64::from_le_bytes(*threshold));
@@ -115,9 +94,7 @@ fn calibrated(block: Block<'_>, cut: Cut, watch: &mut Watch<'_>) -> V {
             let below = equal_16(saturating_sub_u16(flat, limit), zero());
             and_not(below, flat)
         }
-    };
-    watch.note(signal, raw, cut);
-    signal
+    }
 }
 
 /// Weights 2x - (W - 1) of the block of pixels from `first`.
@@ -168,31 +145,20 @@ fn blocks<'a>(raw: &'a [u16], row: BankRow<'a>) -> impl Iterator<Item = Block<'a
 
 /// See [`crate::centroid::calibrated_row_moments`]; the width is a multiple of [`LANES`].
 #[inline(always)]
-pub(crate) fn row_moments(
-    raw: &[u16],
-    row: BankRow<'_>,
-    cut: Cut,
-    seen: Option<&mut pixels::Seen>,
-) -> (u32, i32) {
-    let (mut watch, mut sums) = (Watch(seen), Sums::new());
+pub(crate) fn row_moments(raw: &[u16], row: BankRow<'_>, cut: Cut) -> (u32, i32) {
+    let mut sums = Sums::new();
     for (k, block) in blocks(raw, row).enumerate() {
-        sums.add(calibrated(block, cut, &mut watch), weights(raw.len(), LANES * k));
+        sums.add(calibrated(block, cut), weights(raw.len(), LANES * k));
     }
     sums.row(raw.len())
 }
 
-/// Blocks of a row with only floors, and their signals.
+/// The signals of a row with only floors, in blocks.
 #[inline(always)]
-fn floored<'a>(
-    raw: &'a [u16],
-    floor: &'a [u16],
-    cut: Cut,
-) -> impl Iterator<Item = (V, V)> + use<'a> {
+fn floored<'a>(raw: &'a [u16], floor: &'a [u16], cut: Cut) -> impl Iterator<Item = V> + use<'a> {
     let blocks = raw.as_chunks().0.iter().zip(floor.as_chunks().0);
     blocks.map(move |(raw, floor)| {
-        let raw = load(raw);
-        let above = saturating_sub_u16(raw, load(floor));
-        (raw, saturating_sub_u16(above, splat(cut.excess)))
+        saturating_sub_u16(saturating_sub_u16(load(raw), load(floor)), splat(cut.excess))
     })
 }
 
@@ -200,75 +166,39 @@ fn floored<'a>(
 #[inline(always)]
 pub(crate) fn floored_row_moments(raw: &[u16], floor: &[u16], cut: Cut) -> (u32, i32) {
     let mut sums = Sums::new();
-    for (k, (_, signal)) in floored(raw, floor, cut).enumerate() {
+    for (k, signal) in floored(raw, floor, cut).enumerate() {
         sums.add(signal, weights(raw.len(), LANES * k));
     }
     sums.row(raw.len())
 }
 
-/// See [`crate::centroid::note_floored`]; the width is a multiple of [`LANES`].
-#[inline(always)]
-pub(crate) fn note_floored(raw: &[u16], floor: &[u16], cut: Cut, seen: &mut pixels::Seen) {
-    let mut watch = Watch(Some(seen));
-    for (raw, signal) in floored(raw, floor, cut) {
-        watch.note(signal, raw, cut);
-    }
-}
-
 /// See [`crate::pixels::signal`]; the width is a multiple of [`LANES`].
 #[inline(always)]
-pub(crate) fn signal(
-    raw: &[u16],
-    row: BankRow<'_>,
-    cut: Cut,
-    seen: Option<&mut pixels::Seen>,
-    signal: &mut [u16],
-) {
-    let mut watch = Watch(seen);
+pub(crate) fn signal(raw: &[u16], row: BankRow<'_>, cut: Cut, signal: &mut [u16]) {
     let (places, _) = signal.as_chunks_mut::<LANES>();
     for (block, place) in blocks(raw, row).zip(places) {
-        *place = store(calibrated(block, cut, &mut watch));
+        *place = store(calibrated(block, cut));
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{centroid, dsp, pixels};
-
-    type Kernel<'a> = &'a dyn Fn(Option<&mut pixels::Seen>) -> (u32, i32);
-
-    /// Both kernels on a row that is watched, and on one that is not.
-    fn compare_moments(portable: Kernel<'_>, packed: Kernel<'_>, context: &str) {
-        let (mut expected, mut found) = (pixels::Seen::NOTHING, pixels::Seen::NOTHING);
-        assert_eq!(packed(Some(&mut found)), portable(Some(&mut expected)), "{context}");
-        assert_eq!(found.all(), expected.all(), "{context}");
-        assert_eq!(packed(None), portable(None), "{context}");
-    }
+    use crate::{centroid, pixels};
 
     /// The portable stages on the same row, and every result compared.
     fn compare(raw: &[u16], row: BankRow<'_>, cut: Cut) {
         let context = format!("{raw:?} {row:?} {cut:?}");
-        let portable = |seen: Option<&mut pixels::Seen>| {
-            let mut signal = vec![0; raw.len()];
-            pixels::portable_signal(raw, row, cut, seen, &mut signal);
-            (centroid::row_moments(signal.iter().map(|&s| u32::from(s))), signal)
-        };
-        let moments = |seen: Option<&mut pixels::Seen>| portable(seen).0;
-        compare_moments(&moments, &|seen| row_moments(raw, row, cut, seen), &context);
+        let mut expected = vec![0; raw.len()];
+        pixels::portable_signal(raw, row, cut, &mut expected);
+        let moments = centroid::row_moments(expected.iter().map(|&s| u32::from(s)));
+        assert_eq!(row_moments(raw, row, cut), moments, "{context}");
         let mut found = vec![1; raw.len()];
-        let (mut expected, mut noted) = (pixels::Seen::NOTHING, pixels::Seen::NOTHING);
-        signal(raw, row, cut, Some(&mut noted), &mut found);
-        assert_eq!(found, portable(Some(&mut expected)).1, "{context}");
-        assert_eq!(noted.all(), expected.all(), "{context}");
+        signal(raw, row, cut, &mut found);
+        assert_eq!(found, expected, "{context}");
         if cut.convention == Convention::Subtract {
-            dsp::tests::compare(
-                raw,
-                row.floor,
-                cut,
-                || floored_row_moments(raw, row.floor, cut),
-                |seen| note_floored(raw, row.floor, cut, seen),
-            );
+            let expected = centroid::portable_floored_row_moments(raw, row.floor, cut);
+            assert_eq!(floored_row_moments(raw, row.floor, cut), expected, "{context}");
         }
     }
 

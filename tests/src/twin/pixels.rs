@@ -22,8 +22,10 @@ pub enum Numbers {
 pub struct History {
     /// Its peak, before the moving threshold.
     pub peak: f64,
-    /// Its centroid, pixels from the window's centre.
+    /// Its centroid, pixels from the window's centre: the last one with flux.
     pub centroid: [f64; 2],
+    /// The same, or the centre without flux.
+    pub near: [f64; 2],
 }
 
 /// What one window shows.
@@ -33,10 +35,10 @@ pub struct Seen {
     pub centroid: [f64; 2],
     /// Sum of what the centroid is made of.
     pub flux: f64,
-    /// Brightest pixel of the watched rows that passes, before the moving threshold; with stored
+    /// Brightest of the watched pixels that passes, before the moving threshold; with stored
     /// numbers after the fixed one, if that is subtracted.
     pub peak: f64,
-    /// Pixels of the watched rows that have a signal and are at or above the saturation level.
+    /// Watched pixels that have a signal and are at or above the saturation level.
     pub saturated: u16,
 }
 
@@ -50,12 +52,15 @@ struct Pixel {
     gain: f64,
 }
 
-/// The row of a window in which peak and saturation are looked for: that nearest the last centroid,
-/// which was at `y_px` from the centre.
-pub fn watched_rows(size: usize, y_px: f64) -> std::ops::Range<usize> {
-    let row = (y_px + (size as f64 - 1.0) / 2.0 + 0.5).floor();
-    let first = row.clamp(0.0, size as f64 - 1.0) as usize;
-    first..first + 1
+/// The pixels of a window in which peak and saturation are looked for, first columns and then rows: four of the row
+/// nearest the last centroid, which was at `centroid_px` from the centre, from an even column on, so that the pixel
+/// nearest that is the second or third of them, or as far as the window goes.
+pub fn watched(size: usize, centroid_px: [f64; 2]) -> [std::ops::Range<usize>; 2] {
+    let last = size as f64 - 1.0;
+    let [x, y] = centroid_px.map(|c| (c + last / 2.0 + 0.5).floor().clamp(0.0, last));
+    let first = (2.0 * ((x - 1.0) / 2.0).floor()).clamp(0.0, size as f64 - 4.0) as usize;
+    let row = y as usize;
+    [first..first + 4, row..row + 1]
 }
 
 /// The model of everything from raw pixels to centroids.
@@ -178,8 +183,8 @@ impl<'a> Detector<'a> {
         let pixels = self.window(i, frame);
         let signals = self.signals(&pixels, history.peak);
         let size = usize::from(self.instrument.window);
-        let rows = watched_rows(size, history.centroid[1]);
-        let watched = rows.start * size..rows.end * size;
+        let [columns, rows] = watched(size, history.near);
+        let watched = rows.start * size + columns.start..rows.start * size + columns.end;
         let passed = signals[watched.clone()].iter().filter(|[_, signal]| *signal > 0.0);
         let peak = passed.map(|[value, _]| *value).fold(0.0, f64::max);
         let top = ((1u32 << self.instrument.detector.bits) - 1) as u16;

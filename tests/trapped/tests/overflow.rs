@@ -14,7 +14,7 @@ use splash_firmware::spec::{Estimator, SorSpec};
 use splash_tests::frames::Rng;
 use splash_tests::instrument::{Instrument, Values, run_frame};
 use splash_tests::twin::mirror::exact_codes;
-use splash_tests::twin::pixels::watched_rows;
+use splash_tests::twin::pixels::watched;
 use splash_tests::with_big_stack;
 
 /// Cells of 40 x 40 subapertures.
@@ -206,13 +206,13 @@ fn lit(instrument: &Instrument, pixels: &[u16]) -> usize {
 }
 
 /// The number of white pixels next to the last centroids.
-fn white(instrument: &Instrument, pixels: &[u16], last_y_px: &[f64]) -> usize {
-    let white = |(i, &y_px): (usize, &f64)| {
-        let watched = watched_rows(instrument.window.into(), y_px);
+fn white(instrument: &Instrument, pixels: &[u16], last_px: &[[f64; 2]]) -> usize {
+    let white = |(i, &last): (usize, &[f64; 2])| {
+        let [columns, watched] = watched(instrument.window.into(), last);
         let rows = rows(instrument, pixels, i).skip(watched.start).take(watched.len());
-        rows.flatten().filter(|&&p| p == WHITE).count()
+        rows.flat_map(|row| &row[columns.clone()]).filter(|&&p| p == WHITE).count()
     };
-    last_y_px.iter().enumerate().map(white).sum()
+    last_px.iter().enumerate().map(white).sum()
 }
 
 const GLOBAL: [[i32; 2]; 5] =
@@ -224,7 +224,7 @@ fn storm(instrument: &Instrument, config: &LargeConfig, pipeline: &mut LargePipe
     let lit: Vec<_> = frames.iter().map(|pixels| lit(instrument, pixels)).collect();
     pipeline.reset(config);
     let mut rng = Rng::new(instrument.count() as u64);
-    let mut last_y_px = vec![0.0; instrument.count()];
+    let mut last_px = vec![[0.0; 2]; instrument.count()];
     let pairs = (0..20).map(|k| if k % 2 == 0 { 4 } else { 5 + rng.below(8) as usize });
     let order: Vec<_> = (0..PATTERNS.len()).chain(pairs).collect();
     for (number, pattern) in order.into_iter().enumerate() {
@@ -236,11 +236,10 @@ fn storm(instrument: &Instrument, config: &LargeConfig, pipeline: &mut LargePipe
         let before = pipeline.codes().to_vec();
         let report = run_frame(pipeline, config, number as u32, &frames[pattern]);
         let windows = lit[pattern];
-        let white = white(instrument, &frames[pattern], &last_y_px);
-        for (last, measured) in last_y_px.iter_mut().zip(pipeline.measurements()) {
-            if measured.flux > 0 {
-                *last = f64::from(measured.centroid_q16[1]) / 65536.0;
-            }
+        let white = white(instrument, &frames[pattern], &last_px);
+        for (last, measured) in last_px.iter_mut().zip(pipeline.measurements()) {
+            let seen = f64::from(u8::from(measured.flux > 0));
+            *last = measured.centroid_q16.map(|c| seen * f64::from(c) / 65536.0);
         }
         if instrument.estimator == Estimator::CentreOfGravity {
             assert_eq!(usize::from(report.valid), windows, "{context}");
