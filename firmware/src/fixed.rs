@@ -95,6 +95,16 @@ pub const fn mul_high(a: i32, b: i32) -> i32 {
     ((a as i64 * b as i64) >> 32) as i32
 }
 
+/// `a * b / 2^16`, rounded down: SMULW on a Cortex-M7, MULH on RISC-V.
+#[inline(always)]
+pub const fn mul_short(a: i16, b: i32) -> i32 {
+    if cfg!(target_arch = "riscv32") {
+        mul_high((a as i32) << 16, b)
+    } else {
+        ((a as i64 * b as i64) >> 16) as i32
+    }
+}
+
 /// `k * r` with `k` in Q30 and `|r| < 2^28`, rounded: one signed multiply-high.
 ///
 /// `r` is shifted to the top of its word first, so that the product's upper half is twice the answer,
