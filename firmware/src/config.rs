@@ -5,7 +5,9 @@
 //! leaves the bank as it was. The frame path borrows the bank, so that two of them can be swapped
 //! between frames.
 
-use crate::actuators::{Drive, Law, Line, Response};
+#[cfg(target_arch = "riscv32")]
+use crate::actuators::Line;
+use crate::actuators::{Drive, Law, Response};
 use crate::calibration::Calibration;
 use crate::centroid::{EstimatorConfig, Template};
 use crate::control::{Changes, ControlConfig, Gains};
@@ -24,7 +26,9 @@ use crate::quality::QualityLimits;
 use crate::quantise::Quantiser;
 use crate::redblack::{Place, RedBlack};
 use crate::schedule::{self, Schedule};
-use crate::segments::{ACTUATORS, Lever, Segment, Travel};
+#[cfg(target_arch = "riscv32")]
+use crate::segments::Lever;
+use crate::segments::{ACTUATORS, Segment, Travel};
 use crate::slopes::{SlopeCalibration, SlopeScale};
 use crate::sor::{Coupling, Node, SorConfig};
 use crate::spec::{SorSpec, Spec};
@@ -98,11 +102,13 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) sor: SorConfig<M>,
     pub(crate) segments: heapless::Vec<Segment, M>,
     /// Of these.
+    #[cfg(target_arch = "riscv32")]
     pub(crate) levers: heapless::Vec<Lever, M>,
     pub(crate) travel: Travel,
     pub(crate) drive: Drive,
     pub(crate) responses: heapless::Vec<[Response; ACTUATORS], M>,
     /// Of these.
+    #[cfg(target_arch = "riscv32")]
     pub(crate) lines: heapless::Vec<[Line; ACTUATORS], M>,
     pub(crate) timing: GateTiming,
     pub(crate) range: Range,
@@ -162,6 +168,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             nodes: heapless::Vec::new(),
             sor: SorConfig::EMPTY,
             segments: heapless::Vec::new(),
+            #[cfg(target_arch = "riscv32")]
             levers: heapless::Vec::new(),
             travel: Travel {
                 ratio_bits: 0,
@@ -173,6 +180,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             },
             drive: Drive { law: Law::Linear, spare_bits: 0 },
             responses: heapless::Vec::new(),
+            #[cfg(target_arch = "riscv32")]
             lines: heapless::Vec::new(),
             timing: GateTiming { delay_ns: 0, width_ns: 0, period_ns: 0, pulses_per_frame: 0 },
             range: Range { altitude_mm: 0, depth_mm: 0, zenith_mdeg: 0 },
@@ -292,9 +300,12 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         self.changes.fill(Changes::NONE);
         self.schedule.colours.clear();
         self.segments.clear();
-        self.levers.clear();
         self.responses.clear();
-        self.lines.clear();
+        #[cfg(target_arch = "riscv32")]
+        {
+            self.levers.clear();
+            self.lines.clear();
+        }
     }
 
     /// Everything that is one entry a subaperture. All of it was checked; no push can fail.
@@ -327,11 +338,14 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
     /// Due behind a change of segments or responses.
     pub(crate) fn fill_mirror(&mut self, ratio_bits: u32, slew_ulp: i32) {
         self.travel = Travel::new(ratio_bits, slew_ulp, &self.segments, &self.responses);
-        self.levers.clear();
-        self.lines.clear();
-        for (segment, responses) in self.segments.iter().zip(&self.responses) {
-            let _ = self.levers.push(segment.lever(ratio_bits));
-            let _ = self.lines.push(responses.each_ref().map(Response::line));
+        #[cfg(target_arch = "riscv32")]
+        {
+            self.levers.clear();
+            self.lines.clear();
+            for (segment, responses) in self.segments.iter().zip(&self.responses) {
+                let _ = self.levers.push(segment.lever());
+                let _ = self.lines.push(responses.each_ref().map(Response::line));
+            }
         }
     }
 

@@ -95,6 +95,16 @@ pub const fn mul_high(a: i32, b: i32) -> i32 {
     ((a as i64 * b as i64) >> 32) as i32
 }
 
+/// `a * b / 2^16`, rounded down: SMULW on a Cortex-M7, MULH on RISC-V.
+#[inline(always)]
+pub const fn mul_short(a: i16, b: i32) -> i32 {
+    if cfg!(target_arch = "riscv32") {
+        mul_high((a as i32) << 16, b)
+    } else {
+        ((a as i64 * b as i64) >> 16) as i32
+    }
+}
+
 /// The upper half of `a * b`, which may be any: MULHSU on RISC-V.
 #[inline(always)]
 pub const fn mul_high_unsigned(a: i32, b: u32) -> i32 {

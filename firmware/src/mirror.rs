@@ -13,9 +13,7 @@
 //! there is nothing to be slow from: at a cold start, before the drive is on; and where another
 //! configuration's limits leave out what the mirror shows: limits come first.
 
-#[cfg(not(target_arch = "riscv32"))]
-use crate::actuators::Line;
-use crate::actuators::{self, Drive, Law};
+use crate::actuators::{self, Drive, Law, Response};
 use crate::config::Config;
 #[cfg(target_arch = "riscv32")]
 use crate::dsp;
@@ -23,7 +21,7 @@ use crate::dsp;
 use crate::dsp::reach::{Subapertures, reach};
 #[cfg(any(target_arch = "riscv32", armv7em))]
 use crate::redblack::RedBlack;
-use crate::segments::{self, ACTUATORS, FARTHEST, Lever, Move, Position, Segment};
+use crate::segments::{self, ACTUATORS, FARTHEST, Move, Position, Segment};
 #[cfg(any(target_arch = "riscv32", armv7em))]
 use crate::sor::Unknown;
 use core::fmt;
@@ -154,8 +152,7 @@ impl<const M: usize> Mirror<M> {
             return self.pass_freely(config, items, wanted, shown);
         }
         let limits = self.advance(config, items, move |segment, position, heights, mut item| {
-            let (segment, lever) = segment;
-            let step = segment.advance(lever, position, heights, wanted(&mut item), travel);
+            let step = segment.advance(position, heights, wanted(&mut item), travel);
             shown(item, step.position);
             step
         });
@@ -171,8 +168,9 @@ impl<const M: usize> Mirror<M> {
         mut wanted: impl FnMut(&mut W) -> Position,
         mut shown: impl FnMut(W, Position),
     ) -> Step<'_, M> {
-        let limits = self.advance(config, items, move |(segment, lever), _, _, mut item| {
-            let step = segment.go(lever, wanted(&mut item));
+        let bits = config.travel.ratio_bits;
+        let limits = self.advance(config, items, move |segment, _, _, mut item| {
+            let step = segment.go(wanted(&mut item), bits);
             shown(item, step.position);
             step
         });
@@ -194,12 +192,13 @@ impl<const M: usize> Mirror<M> {
         let all = Subapertures {
             nodes: &config.nodes,
             segments: &config.segments,
+            #[cfg(target_arch = "riscv32")]
             levers: &config.levers,
             applied,
             positions: &mut self.positions,
             heights_ulp: &mut self.heights_ulp,
         };
-        let saturated = reach(all, unknowns, commands, mean);
+        let saturated = reach(all, unknowns, commands, mean, config.travel.ratio_bits);
         Step { mirror: self, limits: Limits { saturated: saturated as u16, slewed: 0 } }
     }
 
@@ -213,8 +212,8 @@ impl<const M: usize> Mirror<M> {
         ask: &mut dyn FnMut(usize, Position) -> Position,
     ) -> Limits {
         let travel = &config.travel;
-        let limits = self.walk(config, 0.., |(segment, lever), position, heights, i| {
-            segment.advance(lever, position, heights, ask(i, position), travel)
+        let limits = self.walk(config, 0.., |segment, position, heights, i| {
+            segment.advance(position, heights, ask(i, position), travel)
         });
         self.drive(config);
         limits
@@ -292,7 +291,7 @@ impl<const M: usize> Mirror<M> {
         &mut self,
         config: &Config<M, P, B, K>,
         items: impl Iterator<Item = W>,
-        go: impl FnMut((&Segment, &Lever), Position, [i32; ACTUATORS], W) -> Move,
+        go: impl FnMut(&Segment, Position, [i32; ACTUATORS], W) -> Move,
     ) -> Limits {
         self.walk(config, items, go)
     }
@@ -303,12 +302,11 @@ impl<const M: usize> Mirror<M> {
         &mut self,
         config: &Config<M, P, B, K>,
         items: impl Iterator<Item = W>,
-        mut go: impl FnMut((&Segment, &Lever), Position, [i32; ACTUATORS], W) -> Move,
+        mut go: impl FnMut(&Segment, Position, [i32; ACTUATORS], W) -> Move,
     ) -> Limits {
         let (mut saturated, mut slewed) = (0u32, 0u32);
         let state = self.positions.iter_mut().zip(&mut self.heights_ulp);
-        let segments = config.segments.iter().zip(&config.levers);
-        for ((item, segment), (position, heights_ulp)) in items.zip(segments).zip(state) {
+        for ((item, segment), (position, heights_ulp)) in items.zip(&config.segments).zip(state) {
             let step = go(segment, *position, *heights_ulp, item);
             *position = step.position;
             *heights_ulp = step.heights_ulp;
@@ -333,7 +331,10 @@ impl<const M: usize> Mirror<M> {
             #[cfg(target_arch = "riscv32")]
             dsp::codes::codes(&config.lines, heights_ulp, codes);
             #[cfg(not(target_arch = "riscv32"))]
-            each(config.lines.iter().zip(heights_ulp.as_slice()).zip(codes), Line::code);
+            each(
+                config.responses.iter().zip(heights_ulp.as_slice()).zip(codes),
+                |response, height| response.line().code(height),
+            );
             return;
         }
         let segments = config.responses.iter().zip(heights_ulp.as_slice()).zip(codes);
@@ -370,11 +371,11 @@ impl<const M: usize> Mirror<M> {
 
 /// Makes the codes of all segments.
 #[inline(always)]
-fn each<'a, R: 'a>(
+fn each<'a>(
     segments: impl Iterator<
-        Item = ((&'a [R; ACTUATORS], &'a [i32; ACTUATORS]), &'a mut [u16; ACTUATORS]),
+        Item = ((&'a [Response; ACTUATORS], &'a [i32; ACTUATORS]), &'a mut [u16; ACTUATORS]),
     >,
-    code: impl Fn(&R, i32) -> u16,
+    code: impl Fn(&Response, i32) -> u16,
 ) {
     for ((responses, heights_ulp), codes) in segments {
         let actuators = responses.iter().zip(heights_ulp).zip(codes);

@@ -28,14 +28,14 @@
 //!
 //! **Scaling and overflow.** Targets in ulp: |p| < 2^29.4 with a global tilt's plane, |tip|, |tilt| <=
 //! 2^23; a position's |p| <= 2^28.6, the farthest limit and the largest q. Ratios t within +-16, in i16 with 10 to 15
-//! fraction bits, and with 25 for the frame path: times a tilt of 7 more bits they are the upper half of a product.
-//! Each of the two is rounded down: |q| <= 2^28, low by less than 2 ulp and by one in the mean, which all actuators
+//! fraction bits; a tilt is shifted by what they lack of 16, which leaves it below 2^29.
+//! Each of the two products is rounded down: |q| <= 2^28, low by less than 2 ulp and by one in the mean, which all actuators
 //! alike take for piston. Limits within +-2^27. Scales are Q16 fractions from operands in
 //! quarters of an LSB up to 2^22 ([`fixed::ratio_q16`]), rounded down so that the result is inside.
 
 use crate::actuators::Response;
 use crate::error::{ConfigError, Field};
-use crate::fixed::{self, TILT_LIMIT, larger, mul_high, negative, positive, smaller};
+use crate::fixed::{self, TILT_LIMIT, larger, mul_short, negative, positive, smaller};
 use serde::{Deserialize, Serialize};
 
 /// Actuators of a segment.
@@ -47,11 +47,8 @@ pub(crate) const INFLUENCE_BITS: u32 = 13;
 /// Fraction bits that the ratios have at least, and at most.
 pub(crate) const RATIO_BITS: (u32, u32) = (10, 15);
 
-/// Fraction bits that a [`Lever`] has.
-const LEVER_BITS: u32 = 25;
-
-/// Bits that a tilt is shifted by, so that the upper half of its product with a lever is a height.
-pub(crate) const TILT_SHIFT: u32 = 32 - LEVER_BITS;
+/// Fraction bits that the upper half of a product with a ratio is to have.
+const WHOLE_BITS: u32 = 16;
 
 /// Farthest limit from flat, ulp: the stroke, 2^25, at an influence of a quarter.
 pub(crate) const FARTHEST: i32 = 1 << 27;
@@ -70,21 +67,11 @@ pub struct Segment {
     pub highest: [i32; ACTUATORS],
 }
 
-/// A segment's ratios with 25 fraction bits.
+/// A segment's ratios as the upper halves of words, for a machine that multiplies no others.
+#[cfg(target_arch = "riscv32")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(transparent)]
 pub(crate) struct Lever([[i32; 2]; ACTUATORS]);
-
-impl Lever {
-    /// Height of each actuator at piston 0.
-    #[inline(always)]
-    fn tilted(&self, tilt_ulp: [i32; 2]) -> [i32; ACTUATORS] {
-        let [tip, tilt] = tilt_ulp.map(|tilt| tilt.wrapping_shl(TILT_SHIFT));
-        let tilted = |[tx, ty]: [i32; 2]| mul_high(tx, tip).wrapping_add(mul_high(ty, tilt));
-        let [t0, t1, t2] = self.0;
-        [tilted(t0), tilted(t1), tilted(t2)]
-    }
-}
 
 /// What the motion of all segments has in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -194,10 +181,20 @@ impl Segment {
         })
     }
 
-    /// Its ratios, of so many fraction bits, with as many as levers have.
-    pub(crate) fn lever(&self, ratio_bits: u32) -> Lever {
-        let bits = LEVER_BITS.saturating_sub(ratio_bits);
-        Lever(self.ratios.map(|row| row.map(|t| i32::from(t).wrapping_shl(bits))))
+    /// Its ratios as words.
+    #[cfg(target_arch = "riscv32")]
+    pub(crate) fn lever(&self) -> Lever {
+        Lever(self.ratios.map(|row| row.map(|t| i32::from(t) << WHOLE_BITS)))
+    }
+
+    /// Height of each actuator at piston 0.
+    #[inline(always)]
+    fn tilted(&self, tilt_ulp: [i32; 2], ratio_bits: u32) -> [i32; ACTUATORS] {
+        let shift = tilt_shift(ratio_bits);
+        let [tip, tilt] = tilt_ulp.map(|tilt| tilt.wrapping_shl(shift));
+        let tilted = |[tx, ty]: [i16; 2]| mul_short(tx, tip).wrapping_add(mul_short(ty, tilt));
+        let [t0, t1, t2] = self.ratios;
+        [tilted(t0), tilted(t1), tilted(t2)]
     }
 
     /// Whether some actuator's whole range is more than a frame's motion.
@@ -227,8 +224,8 @@ impl Segment {
 
     /// Goes to `target` within limits, for a mirror of [`Travel::is_free`]: at most the piston gives way.
     #[inline(always)]
-    pub(crate) fn go(&self, lever: &Lever, target: Position) -> Move {
-        let heights = raised(lever.tilted(target.tilt_ulp), target.piston_ulp);
+    pub(crate) fn go(&self, target: Position, ratio_bits: u32) -> Move {
+        let heights = raised(self.tilted(target.tilt_ulp, ratio_bits), target.piston_ulp);
         let Fit { change, saturated } = self.fit(heights);
         Move {
             position: Position { piston_ulp: target.piston_ulp.wrapping_add(change), ..target },
@@ -242,20 +239,19 @@ impl Segment {
     #[inline(always)]
     pub(crate) fn advance(
         &self,
-        lever: &Lever,
         previous: Position,
         from_ulp: [i32; ACTUATORS],
         target: Position,
         travel: &Travel,
     ) -> Move {
         let mut position = target;
-        let mut tilted = lever.tilted(target.tilt_ulp);
+        let mut tilted = self.tilted(target.tilt_ulp, travel.ratio_bits);
         let wanted = target.piston_ulp;
         let Fit { mut change, saturated } = self.fit(raised(tilted, wanted));
         if travel.tilts_shrink {
             let scale = self.tilt_scale(tilted);
             position.tilt_ulp = target.tilt_ulp.map(|tilt| shrink(tilt, scale));
-            tilted = lever.tilted(position.tilt_ulp);
+            tilted = self.tilted(position.tilt_ulp, travel.ratio_bits);
             change = self.fit(raised(tilted, wanted)).change;
         }
         position.piston_ulp = wanted.wrapping_add(change);
@@ -267,7 +263,7 @@ impl Segment {
             slewed = motions.into_iter().map(|m| u32::from(m > travel.slew_ulp as u32)).sum();
             let longest = motions.into_iter().fold(0, |longest, m| larger(longest, m as i32));
             position = towards(previous, position, scale(travel.slew_ulp, longest));
-            tilted = lever.tilted(position.tilt_ulp);
+            tilted = self.tilted(position.tilt_ulp, travel.ratio_bits);
         }
         let limits = pairs(pairs(self.lowest, self.highest), tilted);
         // Inside by construction but for the rounding of the last products.
@@ -303,7 +299,7 @@ impl Segment {
             Some(nearest.max(-limit).min(limit) as i32)
         };
         let tilt_ulp = [solve(u * d - v * b)?, solve(a * v - c * u)?];
-        let [q0, ..] = self.lever(ratio_bits).tilted(tilt_ulp);
+        let [q0, ..] = self.tilted(tilt_ulp, ratio_bits);
         Some(Position { piston_ulp: h0.wrapping_sub(q0), tilt_ulp })
     }
 
@@ -355,6 +351,11 @@ impl Travel {
             is_level: segments.iter().all(|segment| segment.is_level(ratio_bits)),
         }
     }
+}
+
+/// Bits that a tilt is shifted by before its products with ratios of so many fraction bits.
+pub(crate) const fn tilt_shift(ratio_bits: u32) -> u32 {
+    WHOLE_BITS.saturating_sub(ratio_bits)
 }
 
 /// The position with `part` of it taken off, Q16, towards zero.
@@ -457,7 +458,7 @@ mod tests {
                 let tilt_ulp =
                     [next(), next()].map(|t| fixed::clamp(t >> (6 + (t & 7)), TILT_LIMIT));
                 let (segment, _) = segment();
-                let tilted = Segment { ratios, ..segment }.lever(ratio_bits).tilted(tilt_ulp);
+                let tilted = Segment { ratios, ..segment }.tilted(tilt_ulp, ratio_bits);
                 for ([tx, ty], found) in
                     ratios.map(|row| row.map(f64::from)).into_iter().zip(tilted)
                 {

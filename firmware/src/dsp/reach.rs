@@ -8,7 +8,9 @@
 
 use crate::fixed::PISTON_LIMIT;
 use crate::redblack::RedBlack;
-use crate::segments::{ACTUATORS, Lever, Position, Segment, TILT_SHIFT};
+#[cfg(target_arch = "riscv32")]
+use crate::segments::Lever;
+use crate::segments::{ACTUATORS, Position, Segment, tilt_shift};
 use crate::sor::{Node, ROOM, Unknown};
 use core::arch::asm;
 use core::mem::offset_of;
@@ -17,6 +19,7 @@ use core::mem::offset_of;
 pub(crate) struct Subapertures<'a> {
     pub(crate) nodes: &'a [Node],
     pub(crate) segments: &'a [Segment],
+    #[cfg(target_arch = "riscv32")]
     pub(crate) levers: &'a [Lever],
     pub(crate) applied: &'a mut [[i32; 2]],
     pub(crate) positions: &'a mut [Position],
@@ -27,7 +30,7 @@ pub(crate) struct Subapertures<'a> {
 const _: () = assert!(
     offset_of!(Node, place) == 0
         && size_of::<Node>() == 6
-        && size_of::<Lever>() == 24
+        && offset_of!(Segment, ratios) == 0
         && offset_of!(Segment, highest) == offset_of!(Segment, lowest) + 12
         && offset_of!(Unknown, doubled) == 0
         && size_of::<Unknown>() == 8
@@ -44,13 +47,17 @@ pub(crate) fn reach<const M: usize>(
     unknowns: &mut RedBlack<Unknown, M>,
     commands: &RedBlack<[i32; 2], M>,
     mean: i32,
+    ratio_bits: u32,
 ) -> u32 {
-    let Subapertures { nodes, segments, levers, applied, positions, heights_ulp } = all;
-    let count = [levers.len(), applied.len(), positions.len(), heights_ulp.len()];
-    let count = count.into_iter().fold(nodes.len().min(segments.len()), usize::min);
+    let Subapertures { nodes, segments, applied, positions, heights_ulp, .. } = all;
+    let lengths = [nodes.len(), segments.len(), applied.len(), positions.len(), heights_ulp.len()];
+    let count = lengths.into_iter().fold(usize::MAX, usize::min);
+    #[cfg(target_arch = "riscv32")]
+    let count = count.min(all.levers.len());
     if count == 0 {
         return 0;
     }
+    let shift = tilt_shift(ratio_bits);
     let places = 2 * M as u32;
     let raise = ROOM.wrapping_sub(mean << 1);
     let unknowns = unknowns.halves_mut().as_flattened_mut().as_mut_ptr();
@@ -65,20 +72,19 @@ pub(crate) fn reach<const M: usize>(
         // fields at places that they compare with how many there are; they write registers that are given here.
         unsafe {
             asm!(include_str!("reach_rv32.s"),
-                tilt_shift = const TILT_SHIFT, node = const size_of::<Node>(),
+                node = const size_of::<Node>(),
                 lowest = const offset_of!(Segment, lowest), highest = const offset_of!(Segment, highest),
                 segment = const size_of::<Segment>(), lever = const size_of::<Lever>(),
                 nodes = inout(reg) nodes.as_ptr().wrapping_sub(back) => _,
                 segments = inout(reg) segments.as_ptr().wrapping_sub(back) => _,
-                levers = inout(reg) levers.as_ptr().wrapping_sub(back) => _,
+                levers = inout(reg) all.levers.as_ptr().wrapping_sub(back) => _,
                 applied = inout(reg) applied.as_mut_ptr().wrapping_sub(back) => _,
                 positions = inout(reg) positions.as_mut_ptr().wrapping_sub(back) => _,
                 heights = inout(reg) heights_ulp.as_mut_ptr().wrapping_sub(back) => _,
                 end = in(reg) end.wrapping_sub(8),
                 unknowns = in(reg) unknowns, commands = in(reg) commands, places = in(reg) places,
                 blacks = in(reg) unknowns.wrapping_add(M), raise = in(reg) raise, room = in(reg) ROOM,
-                limit = in(reg) PISTON_LIMIT,
-                saturated = inout(reg) saturated,
+                limit = in(reg) PISTON_LIMIT, shift = in(reg) shift, saturated = inout(reg) saturated,
                 a = out(reg) _, b = out(reg) _, c = out(reg) _, p = out(reg) _, s = out(reg) _,
                 t = out(reg) _, u = out(reg) _, v = out(reg) _, x = inout(reg) count % 8 => _,
                 y = out(reg) _, options(nostack));
@@ -93,13 +99,13 @@ pub(crate) fn reach<const M: usize>(
             applied.as_mut_ptr().expose_provenance() as u32,
             raise.wrapping_neg() as u32,
             places,
-            levers.as_ptr().expose_provenance() as u32,
+            shift,
             end.addr() as u32,
         ];
         // SAFETY: as above, but for two registers that they save on the stack with a copy of `shared`.
         unsafe {
             asm!(include_str!("reach_armv7em.s"),
-                blacks = const M, room = const ROOM, limit = const PISTON_LIMIT, tilt_shift = const TILT_SHIFT,
+                blacks = const M, room = const ROOM, limit = const PISTON_LIMIT,
                 lowest = const offset_of!(Segment, lowest), highest = const offset_of!(Segment, highest),
                 segment = const size_of::<Segment>(),
                 inout("r0") shared.as_ptr() => _, out("r1") _, out("r2") _, out("r3") _, out("r4") _,

@@ -1,5 +1,5 @@
 // On the stack: the nodes, the unknowns, the commands, where what the mirror shows is recorded, twice the mean less
-// the pistons' room, how many places there are, the levers, and the end of the segments.
+// the pistons' room, how many places there are, what tilts are shifted by, and the end of the segments.
     push {{r6, r7}}
     sub sp, #32
     ldm r0!, {{r1-r4}}
@@ -32,17 +32,16 @@
     asr r0, r6, #1
     add r0, #{limit}
     // Heights at piston 0.
-    lsl r1, r4, #{tilt_shift}
-    lsl r2, r5, #{tilt_shift}
     ldr r9, [sp, #24]
-    ldm r9!, {{r3-r8}}
-    str r9, [sp, #24]
-    smmul r3, r3, r1
-    smmla r3, r4, r2, r3
-    smmul r4, r5, r1
-    smmla r4, r6, r2, r4
-    smmul r5, r7, r1
-    smmla r5, r8, r2, r5
+    lsl r1, r4, r9
+    lsl r2, r5, r9
+    ldm r10, {{r3-r5}}
+    smulwb r6, r1, r3
+    smlawt r3, r2, r3, r6
+    smulwb r6, r1, r4
+    smlawt r4, r2, r4, r6
+    smulwb r6, r1, r5
+    smlawt r5, r2, r5, r6
     // Limits on the piston's side of flat, less these. Below it all are written as their complements: order is reversed
     // by that, and both sides have upper limits.
     asr r1, r0, #31

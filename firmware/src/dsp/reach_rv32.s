@@ -51,8 +51,8 @@
     sw {y}, 8 * (\i) + 4({applied})
     sw {x}, 12 * (\i) + 4({positions})
     sw {y}, 12 * (\i) + 8({positions})
-    slli {x}, {x}, {tilt_shift}
-    slli {y}, {y}, {tilt_shift}
+    sll {x}, {x}, {shift}
+    sll {y}, {y}, {shift}
     lw {b}, {lever} * (\i) + 8({levers})
     lw {c}, {lever} * (\i) + 16({levers})
     tilted {a}, {lever} * (\i) + 4

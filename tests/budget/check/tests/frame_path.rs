@@ -18,8 +18,10 @@ const ENTRIES: [&str; 6] = [
 const STACK_LIMIT: u64 = 2048;
 
 const KIB: u64 = 1024;
-/// Bytes of a calibration bank: two of them leave 30 KiB of 256 for a ring of rows.
-const BANK_LIMIT: u64 = 113 * KIB;
+/// Bytes of a calibration bank, as `TARGETS`: two of them leave 30 KiB of 256 for a ring of rows; on RISC-V, where
+/// segments and responses are kept as the words that are multiplied as well, 48 bytes a window, one leaves hot state
+/// and a stack of 28 KiB in 256.
+const BANK_LIMITS: [u64; 2] = [113 * KIB, 125 * KIB];
 /// Bytes of hot state.
 const STATE_LIMIT: u64 = 64 * KIB - STACK_LIMIT;
 
@@ -35,9 +37,9 @@ fn image(target: &str, probe: &str) -> Image {
 
 #[test]
 fn banks_and_hot_state_fit() {
-    for target in TARGETS {
+    for (target, bank_limit) in TARGETS.into_iter().zip(BANK_LIMITS) {
         let sizes = check::constant(&file(target, "frame_path"), "PROBE_SIZES");
-        let limits = [BANK_LIMIT, BANK_LIMIT, STATE_LIMIT, STATE_LIMIT];
+        let limits = [bank_limit, bank_limit, STATE_LIMIT, STATE_LIMIT];
         let names = ["bank", "bank, brightest-n", "state", "state, brightest-n"];
         let (instruments, rest) = sizes.as_chunks::<4>();
         assert!(instruments.len() == 2 && rest.is_empty(), "two instruments of four sizes");
