@@ -71,8 +71,10 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     /// Windows in readout order: by first row, then first column.
     pub(crate) slots: heapless::Vec<Slot, M>,
     /// As these: bytes in a frame before a window's first pixel, modulo addresses.
+    #[cfg(target_arch = "riscv32")]
     pub(crate) starts: heapless::Vec<usize, M>,
     /// Whether all these are words.
+    #[cfg(target_arch = "riscv32")]
     pub(crate) in_words: bool,
     /// Whether the order of windows is that of their subapertures.
     pub(crate) in_order: bool,
@@ -147,7 +149,9 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
             small_fluxes: false,
             window: 0,
             slots: heapless::Vec::new(),
+            #[cfg(target_arch = "riscv32")]
             starts: heapless::Vec::new(),
+            #[cfg(target_arch = "riscv32")]
             in_words: false,
             in_order: false,
             bank: Bank::new(),
@@ -291,6 +295,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
 
     fn clear(&mut self) {
         self.slots.clear();
+        #[cfg(target_arch = "riscv32")]
         self.starts.clear();
         self.modal.head = ModalHead::default();
         self.base_thresholds.clear();
@@ -371,13 +376,16 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
     /// Due behind a change of slots.
     pub(crate) fn find_order(&mut self) {
         self.in_order = (0..).zip(&self.slots).all(|(i, slot)| slot.subaperture == i);
-        let width = usize::from(self.width);
-        self.starts.clear();
-        for slot in &self.slots {
-            let pixels = usize::from(slot.y0).wrapping_mul(width).wrapping_add(slot.x0.into());
-            let _ = self.starts.push(pixels.wrapping_mul(size_of::<u16>()));
+        #[cfg(target_arch = "riscv32")]
+        {
+            let width = usize::from(self.width);
+            self.starts.clear();
+            for slot in &self.slots {
+                let pixels = usize::from(slot.y0).wrapping_mul(width).wrapping_add(slot.x0.into());
+                let _ = self.starts.push(pixels.wrapping_mul(size_of::<u16>()));
+            }
+            self.in_words = self.starts.iter().all(|start| start.is_multiple_of(size_of::<u32>()));
         }
-        self.in_words = self.starts.iter().all(|start| start.is_multiple_of(size_of::<u32>()));
     }
 
     fn fill_modal(

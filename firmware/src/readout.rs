@@ -381,19 +381,20 @@ impl<const M: usize, const B: usize> Readout<M, B> {
         [first, next]: [usize; 2],
         rows: &impl WholeWindows<W, N>,
     ) -> usize {
-        let before = usize::from(self.row).wrapping_mul(config.width.into());
-        let (Some(starts), Some(tracking), Some(windows)) = (
-            config.starts.get(first..next),
+        let (width, row) = (usize::from(config.width), usize::from(self.row));
+        let (Some(slots), Some(tracking), Some(windows)) = (
+            config.slots.get(first..next),
             self.tracking.get(self.complete).and_then(|done| done.get(first..next)),
             self.windows.get_mut(first..next),
         ) else {
             return first;
         };
-        let windows = starts.iter().zip(tracking).zip(windows);
+        let windows = slots.iter().zip(tracking).zip(windows);
         let floors = rows.floors(config.bank.floors_of(first, next, W * W));
         let mut left = first;
-        for (((start, tracking), window), floors) in windows.zip(floors) {
-            let start = (start / size_of::<u16>()).wrapping_sub(before);
+        for (((slot, tracking), window), floors) in windows.zip(floors) {
+            let y = usize::from(slot.y0).wrapping_sub(row);
+            let start = y.wrapping_mul(width).wrapping_add(usize::from(slot.x0));
             // Below W, a power of two, already.
             let [x, y] = centroid::watched(W, tracking.near);
             let watched = [x, y % W];
