@@ -40,9 +40,7 @@
 //! |u| <= omega (R + 2^25) = omega 2^27 < 2^28. The bracket is within 4 (R + 2^25) = 2^29 one way and
 //! 4 (2^28 + 2^25 - R) < 2^29.6 the other, and twice that fits: omega / degree is a Q31 number below 2, unsigned,
 //! and omega - 1 is Q32. Both products are rounded down, and one is taken from the other: together within
-//! half an ulp and even on average. Steps of p itself, rounded to the nearest ulp, would stop where they are
-//! below half of one everywhere, 0.56 LSB from the solution at N = 40; these leave 0.05 LSB at most, limit cycles
-//! included.
+//! half an ulp and even on average. That leaves at most 0.06 LSB of error, limit cycles included, at N = 40.
 //!
 //! The right-hand side is absolute (the whole tip/tilt command, not its change) and the solver
 //! starts from the last frame's pistons. Then a fixed number of sweeps, ceil(N/2) on a circle and
