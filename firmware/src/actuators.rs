@@ -5,7 +5,7 @@
 //! quadratic   code^2 = c0 + c1 h            v = code^2 / 2     (electrostatic: stroke ~ V^2)
 //! ```
 //!
-//! Both are one line v(h) and, for the quadratic response, a [root](crate::root). `h` is relative to
+//! Both are one line v(h) and, for the quadratic response, a [root]. `h` is relative to
 //! the flat map in ulp of piston, within +-2^27; v is 31 bits within the range in use; c0 (v of the
 //! flat mirror) and c1 (the change of v over 2^21 ulp, which has the actuator's height per piston in
 //! it) are i32 and the product i64 (2^31 x 2^27 = 2^58). The response is monotonic and both ends of

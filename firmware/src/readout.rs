@@ -598,7 +598,10 @@ impl<const M: usize, const B: usize> Readout<M, B> {
             return false;
         };
         let convention = config.bank.convention;
-        if !config.in_order || config.window % 2 != 0 || convention != Convention::Subtract {
+        if !config.in_order
+            || !config.window.is_multiple_of(2)
+            || convention != Convention::Subtract
+        {
             return false;
         }
         let pair = [self.complete, 1 - self.complete];

@@ -189,7 +189,7 @@ const RHS_BITS: u32 = if cfg!(target_arch = "riscv32") { 0 } else { 1 };
 /// What right-hand sides of a colour have beside b: 4 R, less for black nodes.
 #[inline(always)]
 pub(crate) const fn offset(colour: usize) -> i32 {
-    let offset = 4 * ROOM << RHS_BITS;
+    let offset = (4 * ROOM) << RHS_BITS;
     if colour == RED { offset } else { -offset }
 }
 

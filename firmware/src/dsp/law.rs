@@ -50,7 +50,7 @@ pub(crate) fn update<const M: usize>(
     // A black place before all red ones, and a red one behind all black ones: there is a black one more at the end.
     let (first, pairs) = (row, places + 1);
     // The south of the last place.
-    if M > REACHED || grid.stride % 2 == 0 || first + places + row + 1 >= M {
+    if M > REACHED || grid.stride.is_multiple_of(2) || first + places + row + 1 >= M {
         return None;
     }
     let [red, black] = open_loop.halves();

@@ -200,7 +200,7 @@ mod tests {
                     .filter_map(|(f, there)| there.then_some(f))
                     .collect();
                 let coupling = Coupling::new(links).with_overshoot(overshoot, 1);
-                let (place, red) = (Place::new::<M>(f), f % 2 == 0);
+                let (place, red) = (Place::new::<M>(f), f.is_multiple_of(2));
                 // Anywhere, or where every second node is at its end.
                 let far = ((i128::from(overshoot) + (1 << 32)) << 27 >> 32) as i64;
                 let u = if between(0, 1) == 0 { far } else { between(0, far) };
