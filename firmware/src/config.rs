@@ -85,7 +85,7 @@ pub struct Config<const M: usize, const P: usize, const B: usize, const K: usize
     pub(crate) concurrent: usize,
     /// Mean fixed threshold of each window, signal units: the first gate's, then the second's.
     pub(crate) base_thresholds: heapless::Vec<u16, M>,
-    /// As these: what a kernel takes of them and of slopes.
+    /// As slopes: what a kernel of one gate takes of them and of thresholds.
     #[cfg(target_arch = "riscv32")]
     pub(crate) limits: heapless::Vec<Limits<M>, M>,
     /// As these.
@@ -340,7 +340,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         Ok(())
     }
 
-    /// Due behind a change of segments or responses.
+    /// Due behind a change of segments, responses, ratio bits or the slew limit.
     pub(crate) fn fill_mirror(&mut self, ratio_bits: u32, slew_ulp: i32) {
         self.travel = Travel::new(ratio_bits, slew_ulp, &self.segments, &self.responses);
         #[cfg(target_arch = "riscv32")]
@@ -354,7 +354,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         }
     }
 
-    /// Due behind a change of thresholds or slopes.
+    /// Due behind a change of thresholds, slopes, their scale, window, estimator, highest raw value or nodes.
     pub(crate) fn find_bounds(&mut self) {
         let is_low = |level: u16| level <= i16::MAX as u16;
         self.low_thresholds =
@@ -373,7 +373,7 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
         }
     }
 
-    /// Due behind a change of slots.
+    /// Due behind a change of slots or the detector's width.
     pub(crate) fn find_order(&mut self) {
         self.in_order = (0..).zip(&self.slots).all(|(i, slot)| slot.subaperture == i);
         #[cfg(target_arch = "riscv32")]
@@ -461,7 +461,8 @@ impl<const M: usize, const P: usize, const B: usize, const K: usize> Config<M, P
     /// The relaxation of those nodes.
     pub(crate) fn fill_sor(&mut self, across: usize, spec: &SorSpec) {
         let sor = &mut self.sor;
-        self.omega = spec.omega.unwrap_or_else(|| omega::optimal(sor, &self.nodes));
+        // Long and narrow pupils have more than a given one may be.
+        self.omega = spec.omega.unwrap_or_else(|| omega::optimal(sor, &self.nodes).min(1.99));
         let sweeps = spec.sweeps.unwrap_or_else(|| omega::sweeps(self.omega, across));
         sor.warm_sweeps = sweeps;
         self.schedule.share(sweeps);

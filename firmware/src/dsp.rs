@@ -12,7 +12,7 @@
 //!
 //! For RISC-V and the Cortex-M7 there is what is done to all nodes: `law`, the integrator, `edges`, the right-hand
 //! side, `relax`, a relaxation step of the pistons, `totals`, and `reach`, what segments of a level mirror show. For
-//! RISC-V alone there are `squares`, whole windows of 8 x 8 pixels of 12 bits, `spots`, what becomes of windows from
+//! RISC-V alone there are `squares`, whole windows of 8 x 8 pixels, `spots`, what becomes of windows from
 //! their moments to their slopes, `quads`, relaxation of the pupils that it is fastest for, and `codes`. The suite,
 //! whose digests are the same on host and boards, is the test of these.
 

@@ -2,7 +2,8 @@
 //!
 //! Every function here is branch-free in its data and exact or bounded as its documentation
 //! says, so that a PC, a Cortex-M7 and a RISC-V soft core give the same bits, by one sequence of
-//! instructions whatever the data. Rounding is to nearest, ties towards plus infinity, everywhere.
+//! instructions whatever the data. Rounding is to nearest, ties towards plus infinity, but for products' upper halves,
+//! which are rounded down.
 
 /// Fraction bits of a centroid in pixels (Q16).
 pub const CENTROID_BITS: u32 = 16;

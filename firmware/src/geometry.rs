@@ -3,7 +3,7 @@
 //! Column x grows to the east, row y to the south; subapertures are numbered in row-major order
 //! of the mask (x fastest). The relaxation sees the grid padded to an odd stride, so that the
 //! four neighbours of padded node `f` are `f - 1`, `f + 1`, `f - stride` and `f + stride`, an
-//! absent neighbour is a padded zero, and the parity of `f` is the red-black colour.
+//! absent neighbour is a padded zero (or what [`crate::sor`] has for one), and the parity of `f` is the red-black colour.
 
 use crate::error::{ConfigError, Field, Limit};
 

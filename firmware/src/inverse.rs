@@ -8,7 +8,7 @@
 //!
 //! A chord of a cell is above the curve, by at most 2^-20 / x^3 in units of 2^22, x = m / 2^31: a start is lower by half
 //! of what its cell's chord is off in the middle, so that r is within 2^-21 / x^2 of itself, and an ulp and a half, which
-//! is 1.5 x 2^-22 of itself, for all roundings: within 2^-20 in all. The upper half of its product with a moment is a
+//! is 1.5 x 2^-22 x of itself, for all roundings: within 0.875 x 2^-20 in all, at both ends. The upper half of its product with a moment is a
 //! centroid. There is no division, whose time depends on its operands where a machine ends it early.
 
 /// Cells of the table over 2^31.

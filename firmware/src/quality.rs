@@ -6,7 +6,7 @@
 //! number       not one that follows the last frame's (see [`crate::frame_counter`])
 //! valid        subapertures with a valid flux      below `valid_min`
 //! flux         sum over all windows                outside `flux_min ..= flux_max`
-//! saturation   saturated pixels                    above `saturated_pixels_max`
+//! saturation   saturated watched pixels            above `saturated_pixels_max`
 //! ```
 //!
 //! Fluxes are u32 in calibrated units; their sum over at most 1600 windows is below 2^43. A
@@ -27,7 +27,7 @@ pub struct QualityLimits {
     pub flux_min: u64,
     /// Greatest flux of all windows together, flux units.
     pub flux_max: u64,
-    /// Pixels that may be saturated.
+    /// Watched pixels that may be saturated.
     pub saturated_pixels_max: u32,
 }
 

@@ -323,7 +323,6 @@ impl<const M: usize, const B: usize> Readout<M, B> {
                 Some(block) if W == 8 && config.in_words => {
                     self.take_squares(config, met, block, cut)
                 }
-                Some(_) if W == 8 => first,
                 Some(block) if Narrow::takes::<N>(&cut) => {
                     self.take::<W, N, P, K>(config, met, &Whole { block, cut, kernel: Narrow })
                 }

@@ -19,7 +19,7 @@ pub(crate) const COLOURS: [usize; 2] = [RED, 1];
 /// The one that is updated first.
 pub(crate) const RED: usize = 0;
 
-/// One value a padded node; zero where there is no subaperture.
+/// One value a padded node; zero where there is no subaperture, but for unknowns of [`crate::sor`].
 #[derive(Debug)]
 pub struct RedBlack<T, const M: usize>([[T; M]; 2]);
 

@@ -5,7 +5,7 @@
 //! code = floor(start + rise v / 2^32)      of the cell that v is in, with 1/2 in it
 //! ```
 //!
-//! A cell's line is parallel to its chord and half as far below the curve's highest point over it as it is above its
+//! A cell's line is parallel to its chord and as far below the curve's highest point over it as it is above its
 //! ends: off by at most w^2 / 4 v^(3/2) codes in a cell of width w. A start is a whole number, and the line turns about
 //! its cell's middle for that, by up to w / 4 v codes at the ends. Cells are narrower towards 0:
 //!
@@ -160,6 +160,15 @@ mod tests {
                 let turned = w / (4.0 * (from + w / 2.0)) + f64::from(v) / power(32) + 1e-4;
                 let bound = w * w / (4.0 * from.powf(1.5)) + turned;
                 assert!((line - exact).abs() < bound, "{v}: {line}, not {exact}");
+                // What the module says of each range.
+                let said = match v {
+                    0x0010_0000.. => 0.25,
+                    0x8000.. => 0.2,
+                    0x200.. => 1.0 / 3.0,
+                    _ => f64::INFINITY,
+                };
+                assert!((line - exact).abs() < said, "{v}: {line}, not {exact}");
+                assert!(v < (1 << BITS) - (1 << STEP_BITS) || (line - exact).abs() < 0.01, "{v}");
                 let drive = line * line / 256.0 - f64::from(v);
                 assert!(v >= 1 << STEP_BITS || drive.abs() < 12.0, "{v}: {drive}");
             }

@@ -28,7 +28,7 @@
 //!
 //! **Scaling and overflow.** Targets in ulp: |p| < 2^29.4 with a global tilt's plane, |tip|, |tilt| <=
 //! 2^23; a position's |p| <= 2^28.6, the farthest limit and the largest q. Ratios t within +-16, in i16 with 10 to 15
-//! fraction bits; a tilt is shifted by what they lack of 16, which leaves it below 2^29.
+//! fraction bits; a tilt is shifted by what they lack of 16, which leaves it within 2^29.
 //! Each of the two products is rounded down: |q| <= 2^28, low by less than 2 ulp and by one in the mean, which all actuators
 //! alike take for piston. Limits within +-2^27. Scales are Q16 fractions from operands in
 //! quarters of an LSB up to 2^22 ([`fixed::ratio_q16`]), rounded down so that the result is inside.
@@ -367,7 +367,7 @@ pub(crate) fn leaked(position: Position, part_q16: u16) -> Position {
     }
 }
 
-/// Length of a step of `step_ulp` of piston in its actuator's own height, ulp, below 2^30: rounded up,
+/// Length of a step of `step_ulp` of piston in its actuator's own height, ulp, up to 2^30 and 8: rounded up,
 /// with two ulp for the rounding of both heights, so that no actuator is ever faster than its limit.
 #[inline(always)]
 fn motion(step_ulp: i32, influence: u16) -> u32 {
@@ -428,7 +428,7 @@ mod tests {
     }
 
     /// Positions of heights, back to heights by the matrix in f64: exact to the rounding of tip and tilt
-    /// (1/2 ulp each, and that of the ratios, 2^-16 of the tilt) and of one product.
+    /// (1/2 ulp each, and that of the ratios, 2^-16 of the tilt) and of two products.
     #[test]
     fn heights_have_the_position_that_has_them() {
         let (segment, rows) = segment();
@@ -482,6 +482,14 @@ mod tests {
         segment.lowest = [-(1 << 23); 3];
         segment.highest = [limit, 1 << 23, 1 << 23];
         assert!(segment.is_level(15));
+        // What is shown in the corners, where heights are the largest.
+        for corner in [[1, 1], [1, -1], [-1, 1], [-1, -1]] {
+            let tilted = segment.tilted(corner.map(|side| side * TILT_LIMIT), 15);
+            for ((height, low), high) in tilted.into_iter().zip(segment.lowest).zip(segment.highest)
+            {
+                assert!((low..=high).contains(&height), "{corner:?}: {height}");
+            }
+        }
         segment.highest[0] -= 1;
         assert!(!segment.is_level(15));
     }

@@ -66,7 +66,7 @@ pub struct SorConfig<const M: usize> {
     pub(crate) couplings: RedBlack<Coupling, M>,
     /// omega - 1, Q32.
     pub(crate) overshoot_q32: u32,
-    /// Fraction bits that steps are short of 32: 1, but on RISC-V none where no node has but one neighbour.
+    /// Fraction bits that steps are short of 32: 1, but on RISC-V none where every node has two neighbours at least.
     pub(crate) short_by: u32,
     /// Red nodes less black ones.
     pub(crate) surplus: i32,
@@ -209,7 +209,7 @@ impl<const M: usize> SorConfig<M> {
     /// Sets every step from omega - 1, Q32, below 2^32 - 2^25.
     pub(crate) fn relax_by(&mut self, overshoot_q32: u32, nodes: &[Node]) {
         let degree = |node: &Node| self.couplings.get(node.place).map_or(0, |c| c.degree());
-        let single = nodes.iter().any(|node| degree(node) == 1);
+        let single = nodes.iter().any(|node| degree(node) <= 1);
         self.short_by = u32::from(single || cfg!(not(target_arch = "riscv32")));
         self.overshoot_q32 = overshoot_q32;
         for node in nodes {
@@ -402,6 +402,7 @@ impl<const M: usize> Sor<M> {
     #[inline(always)]
     fn relax_quads(&mut self, config: &SorConfig<M>, sweeps: u16) -> Option<Totals> {
         let (nodes, couplings) = (self.unknowns.halves_mut(), config.couplings.halves());
+        // It goes by steps, of all fraction bits, and one by itself has none.
         match config.short_by {
             0 => quads::relax(nodes, couplings, &config.grid, config.overshoot_q32, sweeps),
             _ => None,

@@ -234,7 +234,7 @@ pub struct SafetySpec {
     pub flux_min_adu: f64,
     /// Greatest flux of all windows together, calibrated ADU; infinite for none.
     pub flux_max_adu: f64,
-    /// Pixels that may be saturated.
+    /// Watched pixels, four a window, that may be saturated.
     pub saturated_pixels_max: u32,
     /// Bad or missing frames one after the other that are held.
     pub hold_frames: u16,

@@ -19,6 +19,9 @@ const CELLS: usize = 1600;
 type Bank = Config<CELLS, { CELLS * 16 }, 0>;
 type Path = Pipeline<CELLS, 0>;
 
+/// What rounding leaves of pistons at most, limit cycles included, up to N = 40: the library says so.
+const ROUNDING_LSB: f64 = 0.06;
+
 /// The solver by itself, on the mask of a configuration.
 struct Solver {
     config: Box<Bank>,
@@ -114,7 +117,7 @@ fn solver_converges_to_least_squares() {
                 if error > worst.0 {
                     worst = (error, name.clone());
                 }
-                assert!(error <= ULP_PER_LSB, "{name}: {error} ulp");
+                assert!(error <= ROUNDING_LSB * ULP_PER_LSB, "{name}: {error} ulp");
             }
         }
     });
@@ -154,7 +157,7 @@ fn pipeline_converges_to_least_squares() {
             if error > worst.0 {
                 worst = (error, name.clone());
             }
-            assert!(error <= ULP_PER_LSB, "{name}: {error} ulp");
+            assert!(error <= ROUNDING_LSB * ULP_PER_LSB, "{name}: {error} ulp");
             assert!(rms(exact) > 10.0 * ULP_PER_LSB || mask.count() < 12, "{name}");
         }
     });

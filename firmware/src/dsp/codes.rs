@@ -45,12 +45,12 @@ pub(crate) fn codes(
     let back = 8 - count % 8;
     let to = codes.as_mut_ptr();
     // SAFETY: the instructions read `count` of `lines` and `heights_ulp` and write as many of `codes`, which are as
-    // long at least. Heights are within their actuators' limits, as every step of the mirror leaves them, and v below
-    // 2^24 there (see `Response::is_short`): they read `STEPS` at its upper nine bits, and the line of its cell. They
-    // write registers that are given here.
+    // long at least. They take 24 bits of v, which is below 2^24 within the actuators' limits (see
+    // `Response::is_short`), whatever heights and lines there are, read `STEPS` at the upper nine of them and the line
+    // of its cell, and write registers that are given here.
     unsafe {
         core::arch::asm!(include_str!("codes_rv32.s"),
-            step_bits = const STEP_BITS,
+            step_bits = const STEP_BITS, spare_bits = const u32::BITS - BITS,
             each = inout(reg) lines.as_ptr().wrapping_sub(back) => _,
             heights = inout(reg) heights_ulp.as_ptr().wrapping_sub(back) => _,
             to = inout(reg) to.wrapping_sub(back) => _,

@@ -5,6 +5,8 @@
     lw {v}, 8 * (\i)({each})
     mulh {h}, {h}, {s}
     add {v}, {v}, {h}
+    slli {v}, {v}, {spare_bits}
+    srli {v}, {v}, {spare_bits}
     srli {y}, {v}, {step_bits} - 2
     andi {y}, {y}, -4
     add {y}, {y}, {steps}

@@ -68,8 +68,9 @@ pub(crate) fn update<const M: usize>(
     let to = command.halves_mut().as_flattened_mut().as_mut_ptr();
     let each = changes.halves().as_flattened().as_ptr();
     // SAFETY: from `first` on there are `pairs` places in each half of `open_loop` with one to the east, and half a
-    // row and one more to the north and to the south, as was compared with M: the instructions read these, as much
-    // of `each`, write as much of `to`, and registers that are given here.
+    // row and one more to the north and to the south, as was compared with M, but for the first red place's, which is
+    // a west only and never taken: the instructions read these, as much of `each`, write as much of `to`, and
+    // registers that are given here.
     unsafe {
         asm!(include_str!("law_rv32.s"),
             half = const if M > REACHED { 0 } else { 4 * M },

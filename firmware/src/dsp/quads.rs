@@ -1,5 +1,5 @@
-//! The relaxation of [`crate::sor`] in RISC-V's own instructions for pupils of 7, 8, 15 and 16 subapertures across:
-//! four rows at a time. An odd number has a row of padding more.
+//! The relaxation of [`crate::sor`] in RISC-V's own instructions for pupils of 7, 8, 15 and 16 subapertures across
+//! whose nodes all have two neighbours at least, and steps of 32 fraction bits: four rows at a time. An odd number has a row of padding more.
 //!
 //! Of one colour a row's nodes and the next one's stand in a zigzag, whose sides they share:
 //!

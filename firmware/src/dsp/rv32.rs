@@ -9,6 +9,8 @@
 //! s = d where its top bit is set, less that bit, else 0
 //! ```
 //!
+//! A peak so far, of 4095 at most, may come off d as well.
+//!
 //! Whole windows have kernels of their own, which take rows together: work on a single row is work that is not
 //! pixels. That of 16 x 16 is here, that of 8 x 8 in `squares`.
 

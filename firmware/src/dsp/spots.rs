@@ -48,13 +48,15 @@ impl<const M: usize> Limits<M> {
         node: &Node,
     ) -> Self {
         let base = i32::from(base);
-        // Above -2^31: at most 2^15 - 1 times 2^16.
-        let beyond = (1 << 15) - base.wrapping_mul((1 << 16) - i32::from(peak_fraction));
+        let beyond = |base: i32| {
+            // Above -2^31: at most 2^15 - 1 times 2^16.
+            (1 << 15) - base.wrapping_mul((1 << 16) - i32::from(peak_fraction))
+        };
         let flux_span = slope.flux_max.wrapping_sub(slope.flux_min).wrapping_add(1);
         // Never more, which memory safety relies on.
         let place = node.place.index().min((2 * M).saturating_sub(1)) * size_of::<[i32; 2]>();
         Self {
-            threshold: if low { beyond } else { base },
+            threshold: if low { beyond(base) } else { base },
             flux_span,
             gain: slope.gain.map(|row| row.map(|gain| scale.factor(gain))),
             place: place as u32,
@@ -140,8 +142,8 @@ pub(crate) fn take<const M: usize, const LOW: bool, const SMALL: bool>(
     let open_loop = taking.open_loop().halves_mut().as_flattened_mut().as_mut_ptr();
     // SAFETY: the instructions go through `count` of each slice, which are as long at least, a turn at once, the
     // first time behind `back` that are none; they write elements of those that are lent to be written, and of
-    // `open_loop`, which has 2 M, at places that are in it, read the others and `shared`, and write
-    // registers that are given here.
+    // `open_loop`, which has 2 M, at places that are in it, read the others and `shared`, `zeros` and the inverses at
+    // nine bits, whatever a flux is, and write registers that are given here.
     unsafe {
         asm!(include_str!("spots_rv32.s"),
             low = const LOW as u32, small = const SMALL as u32, window = const size_of::<Window>(),

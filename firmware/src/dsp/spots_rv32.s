@@ -12,6 +12,7 @@
     slli {u}, {d}, 6
     sll {u}, {u}, {s}
     srli {t}, {u}, 15
+    andi {t}, {t}, 511
 .else
     srli {t}, {d}, 17
     seqz {t}, {t}

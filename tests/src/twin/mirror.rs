@@ -8,16 +8,22 @@ use super::stored;
 use crate::instrument::{Instrument, STROKE_LSB, ULP_PER_LSB};
 
 /// Exact codes, the least and the most, of which a code may be what a drive makes: half a code to either side for
-/// rounding. A quadratic drive takes a root by lines that are within 0.27 of a 16-bit code, or within 12 of 2^24 of
-/// what it is the root of, which is one too low or too high itself.
+/// rounding. A quadratic drive takes a root by lines that are within a third of a 16-bit code below code 2896 and a
+/// quarter above, or within 12 of 2^24 of what it is the root of, which is one too low or too high itself.
 pub fn exact_codes(law: Law, dac_bits: u8, code: u16) -> [f64; 2] {
     let code = f64::from(code);
     match law {
         Law::Linear => [code - 0.5, code + 0.5],
         Law::Quadratic => {
             let scale = f64::powi(2.0, i32::from(dac_bits));
-            let off = 0.5 + 0.27 * scale / 65_536.0;
-            let drive = 13.0 * f64::powi(2.0, -24) * scale * scale;
+            let unit = scale / 65_536.0;
+            let [line, v] = match code / unit {
+                2896.0.. => [0.25, 1.0],
+                362.0.. => [1.0 / 3.0, 1.0],
+                _ => [0.0, 13.0],
+            };
+            let off = 0.5 + line * unit;
+            let drive = v * f64::powi(2.0, -24) * scale * scale;
             [-1.0, 1.0].map(|side: f64| {
                 let code = f64::max(code + side * off, 0.0);
                 f64::max(code * code + side * drive, 0.0).sqrt()

@@ -26,6 +26,8 @@ pub(crate) enum Pupil {
     Pair,
     /// The first row, columns below some of it, and one cell by itself: nodes of one neighbour, and of none.
     Comb,
+    /// The first cell of the first row: a node by itself, and a black one.
+    Lone,
     /// Those in the circle.
     Circle,
     /// All.
@@ -114,6 +116,7 @@ impl Pupil {
     fn mask(self, across: usize) -> Result<Mask, ConfigError> {
         match self {
             Self::Pair => Mask::from_fn(across, |x, y| x < 2 && y == 0),
+            Self::Lone => Mask::from_fn(across, |x, y| [x, y] == [0, 0]),
             Self::Comb => {
                 Mask::from_fn(across, |x, y| y == 0 || (x % 2 == 0 && x != 4) || [x, y] == [4, 5])
             }

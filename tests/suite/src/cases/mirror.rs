@@ -3,7 +3,7 @@
 use splash_firmware::actuators::Law;
 
 use crate::cases::Subject;
-use crate::instrument::{DEFAULT, Instrument};
+use crate::instrument::{DEFAULT, Instrument, Pupil};
 use crate::play::{Case, Event, Input};
 use crate::stages::Stage;
 
@@ -33,6 +33,7 @@ const SMALL: Instrument = Instrument {
 
 pub(super) const SUBJECTS: &[Subject] = &[
     subject(Instrument { name: "quadratic-16bit", ..SMALL }),
+    subject(Instrument { name: "lone-8", pupil: Pupil::Lone, across: 8, ..SMALL }),
     subject(Instrument { name: "quadratic-12bit", dac_bits: 12, ..SMALL }),
     subject(Instrument { name: "linear-16bit", law: Law::Linear, limits: [0.0, 0.625], ..SMALL }),
     subject(Instrument { name: "linear-8bit", law: Law::Linear, dac_bits: 8, ..SMALL }),
