@@ -2,8 +2,8 @@
 //!
 //! c' = (1 - g) c + g L(s + c_applied), where c_applied is what was on the mirror while the slopes s were exposed, L is
 //! the law of [`crate::range_diversity`], f times its argument for one gate, and the means are removed from slopes and
-//! commands: with one gain for all the firmware's commands never get one. With a mirror that the sensor sees as it is, s + c_applied is the sky's: the pole is 1 - g, whatever L.
-//! Tips, tilts and slopes are phases from centre to edge.
+//! commands: with one gain for all the firmware's commands never get one. With a mirror that the sensor sees as it is,
+//! s + c_applied is the sky's: the pole is 1 - g, whatever L. Tips, tilts and slopes are phases from centre to edge.
 
 use super::pistons::Pistons;
 use crate::pupil::{Mirror, Pupil};
