@@ -18,6 +18,9 @@ const CASES: &[Case] = &[
     case("tilted", 1 << 14, &[Event::Tilt([1 << 21, -(1 << 20)]), Event::Tilt([i32::MAX; 2])]),
 ];
 
+/// Of one segment: its mean is its piston, and it has no tilt but a common one.
+const ALONE: &[Case] = &[case("within", 1 << 14, &[])];
+
 const fn subject(instrument: Instrument) -> Subject {
     Subject { instrument, tilts: &[], cases: CASES }
 }
@@ -33,7 +36,11 @@ const SMALL: Instrument = Instrument {
 
 pub(super) const SUBJECTS: &[Subject] = &[
     subject(Instrument { name: "quadratic-16bit", ..SMALL }),
-    subject(Instrument { name: "lone-8", pupil: Pupil::Lone, across: 8, ..SMALL }),
+    Subject {
+        instrument: Instrument { name: "lone-8", pupil: Pupil::Lone, across: 8, ..SMALL },
+        tilts: &[],
+        cases: ALONE,
+    },
     subject(Instrument { name: "quadratic-12bit", dac_bits: 12, ..SMALL }),
     subject(Instrument { name: "linear-16bit", law: Law::Linear, limits: [0.0, 0.625], ..SMALL }),
     subject(Instrument { name: "linear-8bit", law: Law::Linear, dac_bits: 8, ..SMALL }),
