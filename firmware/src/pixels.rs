@@ -222,13 +222,15 @@ impl Seen {
     /// Of watched pixels.
     #[inline(always)]
     pub(crate) fn of(signal: impl Iterator<Item = u32>, raw: &[u16], cut: Cut) -> Self {
-        let (mut peak, mut saturated) = (0, 0u16);
+        // The highest level that is not saturated: what is above takes one comparison.
+        let grey = i32::from(cut.saturation.wrapping_sub(1));
+        let (mut peak, mut saturated) = (0, 0);
         for (signal, &raw) in signal.zip(raw) {
-            peak = max(peak, signal as u16);
-            let white = above(raw, cut.saturation.wrapping_sub(1)) & above(signal as u16, 0);
-            saturated = saturated.wrapping_add(white);
+            let signal = signal as i32;
+            peak = fixed::larger(signal, peak);
+            saturated += i32::from(i32::from(raw) > grey) & i32::from(signal > 0);
         }
-        Self { peak: [peak, 0], saturated: [saturated, 0] }
+        Self { peak: [peak as u16, 0], saturated: [saturated as u16, 0] }
     }
 
     /// The whole window.
@@ -334,15 +336,4 @@ fn flat_field(a: u16, loss: u16) -> u16 {
 #[inline(always)]
 pub(crate) fn less(a: u16, b: u16) -> u16 {
     positive(i32::from(a) - i32::from(b)) as u16
-}
-
-#[inline(always)]
-fn max(a: u16, b: u16) -> u16 {
-    b.wrapping_add(less(a, b))
-}
-
-/// 1 where `a > b`, else 0.
-#[inline(always)]
-fn above(a: u16, b: u16) -> u16 {
-    (u32::from(b).wrapping_sub(u32::from(a)) >> 31) as u16
 }

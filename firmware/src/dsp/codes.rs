@@ -49,7 +49,7 @@ pub(crate) fn codes(
     // `Response::is_short`), whatever heights and lines there are, read `STEPS` at the upper nine of them and the line
     // of its cell, and write registers that are given here.
     unsafe {
-        core::arch::asm!(include_str!("codes_rv32.s"),
+        core::arch::asm!(include_str!("segment_turns_rv32.s"), include_str!("codes_rv32.s"),
             step_bits = const STEP_BITS, spare_bits = const u32::BITS - BITS,
             each = inout(reg) lines.as_ptr().wrapping_sub(back) => _,
             heights = inout(reg) heights_ulp.as_ptr().wrapping_sub(back) => _,

@@ -29,29 +29,14 @@
     sh {x}, 6 * (\i) + 4({to})
 .endm
 
-// Eight segments a turn; the first turn has what is over. Jumps to words' addresses: into the middle of one takes a
-// cycle more.
-.option push
-.option norvc
-.p2align 2
-    beqz {h}, 28f
-.irp last, 27, 26, 25, 24, 23, 22
-    addi {h}, {h}, -1
-    beqz {h}, \last\()f
-.endr
-    j 21f
-20: addi {each}, {each}, 192
+.macro step
+    addi {each}, {each}, 192
     addi {heights}, {heights}, 96
     addi {to}, {to}, 48
-    segment 0
-21: segment 1
-22: segment 2
-23: segment 3
-24: segment 4
-25: segment 5
-26: segment 6
-27: segment 7
-28: bne {to}, {end}, 20b
-.option pop
+.endm
+
+    turns {h}, {to}
+.purgem turns
+.purgem step
 .purgem segment
 .purgem actuator

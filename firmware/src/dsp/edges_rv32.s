@@ -28,15 +28,6 @@
     sw \west, \node + 4({to})
 99:
 .endm
-.macro even node
-    place \node, {a}, {b}
-.endm
-.macro odd node
-    place \node, {b}, {a}
-.endm
 .macro step
-    addi {east}, {east}, 64
-    addi {north}, {north}, 64
-    addi {south}, {south}, 64
     addi {to}, {to}, 64
 .endm

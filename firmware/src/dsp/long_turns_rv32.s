@@ -1,5 +1,5 @@
-// Eight places a turn, of what `even` and `odd` do; `step` moves what pointers there are beside these. The
-// first turn is entered behind `x` places. Jumps to words' addresses: into the middle of one takes a
+// Eight places a turn, with two registers for their west and east in turn; `step` moves what pointers there are beside
+// these. The first turn is entered behind `x` places. Jumps to words' addresses: into the middle of one takes a
 // cycle more.
 .option push
 .option norvc
@@ -19,18 +19,19 @@
     j 18f
 3:  addi {each}, {each}, 64
     addi {own}, {own}, 64
+    addi {east}, {east}, 64
+    addi {north}, {north}, 64
+    addi {south}, {south}, 64
     step
-    even 0
-11: odd 8
-12: even 16
-13: odd 24
-14: even 32
-15: odd 40
-16: even 48
-17: odd 56
+    place 0, {a}, {b}
+11: place 8, {b}, {a}
+12: place 16, {a}, {b}
+13: place 24, {b}, {a}
+14: place 32, {a}, {b}
+15: place 40, {b}, {a}
+16: place 48, {a}, {b}
+17: place 56, {b}, {a}
 18: bne {own}, {end}, 3b
 .option pop
 .purgem place
-.purgem even
-.purgem odd
 .purgem step

@@ -71,7 +71,7 @@ pub(crate) fn reach<const M: usize>(
         // SAFETY: the instructions go through `count` of each slice, which are as long at least, and read and write
         // fields at places that they compare with how many there are; they write registers that are given here.
         unsafe {
-            asm!(include_str!("reach_rv32.s"),
+            asm!(include_str!("segment_turns_rv32.s"), include_str!("reach_rv32.s"),
                 node = const size_of::<Node>(),
                 lowest = const offset_of!(Segment, lowest), highest = const offset_of!(Segment, highest),
                 segment = const size_of::<Segment>(), lever = const size_of::<Lever>(),

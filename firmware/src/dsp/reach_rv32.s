@@ -89,34 +89,19 @@
     sw {c}, 12 * (\i) + 8({heights})
 .endm
 
-// Eight segments a turn; the first turn has what is over. Jumps to words' addresses: into the middle of one takes a
-// cycle more.
-.option push
-.option norvc
-.p2align 2
-    beqz {x}, 28f
-.irp last, 27, 26, 25, 24, 23, 22
-    addi {x}, {x}, -1
-    beqz {x}, \last\()f
-.endr
-    j 21f
-20: addi {nodes}, {nodes}, 8 * {node}
+.macro step
+    addi {nodes}, {nodes}, 8 * {node}
     addi {segments}, {segments}, 8 * {segment}
     addi {levers}, {levers}, 8 * {lever}
     addi {applied}, {applied}, 64
     addi {positions}, {positions}, 96
     addi {heights}, {heights}, 96
-    segment 0
-21: segment 1
-22: segment 2
-23: segment 3
-24: segment 4
-25: segment 5
-26: segment 6
-27: segment 7
-28: bne {segments}, {end}, 20b
+.endm
+
+    turns {x}, {segments}
 9:
-.option pop
+.purgem turns
+.purgem step
 .purgem segment
 .purgem smaller
 .purgem beyond

@@ -10,8 +10,7 @@
 //! multiplication a pixel, as in [`crate::centroid::row_moments`]: below 16 x 136 x 65535 < 2^28.
 
 use super::{Kernel, Rows, Watched, halves};
-use crate::centroid::RowSums;
-use crate::fixed;
+use crate::centroid::{RowSums, signals};
 use crate::pixels::{Cut, Seen};
 
 /// Sums of rows.
@@ -141,18 +140,8 @@ impl<const N: usize> Kernel<N> for Wide {
 
     #[inline(always)]
     fn watch(self, watched: Watched<'_>, cut: Cut) -> Seen {
-        // The highest level that is not saturated: what is above takes one comparison.
-        let grey = i32::from(cut.saturation.wrapping_sub(1));
-        let excess = i32::from(cut.excess);
-        // Zero, which nothing below it exceeds.
-        let (mut peak, mut saturated) = (0, 0);
-        for (&raw, &floor) in halves(watched.raw).iter().zip(halves(watched.floor)) {
-            let raw = i32::from(raw);
-            let signal = raw - i32::from(floor) - excess;
-            peak = fixed::larger(signal, peak);
-            saturated += i32::from(raw > grey) & i32::from(signal > 0);
-        }
-        Seen { peak: [peak as u16, 0], saturated: [saturated as u16, 0] }
+        let (raw, floor) = (halves(watched.raw), halves(watched.floor));
+        Seen::of(signals(raw, floor, cut), raw, cut)
     }
 }
 

@@ -48,15 +48,16 @@ impl<const M: usize> Limits<M> {
         node: &Node,
     ) -> Self {
         let base = i32::from(base);
-        let beyond = |base: i32| {
+        let threshold = match low {
             // Above -2^31: at most 2^15 - 1 times 2^16.
-            (1 << 15) - base.wrapping_mul((1 << 16) - i32::from(peak_fraction))
+            true => (1 << 15) - base * ((1 << 16) - i32::from(peak_fraction)),
+            false => base,
         };
         let flux_span = slope.flux_max.wrapping_sub(slope.flux_min).wrapping_add(1);
         // Never more, which memory safety relies on.
         let place = node.place.index().min((2 * M).saturating_sub(1)) * size_of::<[i32; 2]>();
         Self {
-            threshold: if low { beyond(base) } else { base },
+            threshold,
             flux_span,
             gain: slope.gain.map(|row| row.map(|gain| scale.factor(gain))),
             place: place as u32,

@@ -28,3 +28,17 @@
     add {raw2}, {floor}, {e}
     add {raw1}, {raw}, {a}
 .endm
+// Rows from `raw` on.
+.macro rows
+    add {raw1}, {raw}, {stride}
+    add {raw2}, {raw1}, {stride}
+    add {raw3}, {raw2}, {stride}
+.endm
+// A window: what its watched pixels show, which `watch` leaves in `odd` and `pair`, then its sums.
+.macro square i, out
+    begin \i, \out
+    watch \i * 128
+    sw {odd}, \i * {windows} + {seen_peak}({window})
+    sw {pair}, \i * {windows} + {seen_saturated}({window})
+    sums \i
+.endm

@@ -15,8 +15,10 @@
 8:  addi {window}, {window}, {windows}
 9:
 .purgem begin
+.purgem rows
 .purgem signals
 .purgem upper
 .purgem lower
 .purgem watch
 .purgem square
+.purgem sums

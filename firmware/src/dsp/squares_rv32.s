@@ -80,16 +80,9 @@
     add {odd}, {odd}, {d}
 .endm
 
-// The `i`-th window from where the pointers are; `out` is where it goes from one that is not to be taken.
-.macro square i, out
-    begin \i, \out
-    watch \i * 128
-    sw {odd}, \i * {windows} + {seen_peak}({window})
-    sw {pair}, \i * {windows} + {seen_saturated}({window})
-    // All rows.
-    add {raw1}, {raw}, {stride}
-    add {raw2}, {raw1}, {stride}
-    add {raw3}, {raw2}, {stride}
+// The sums of the `i`-th window from where the pointers are, whose rows are from `raw` on.
+.macro sums i
+    rows
     signals {a}, {odd}, 0, {raw}, \i * 128, {raw1}, \i * 128 + 16
     add {f}, {a}, {odd}
     signals {a}, {b}, 0, {raw2}, \i * 128 + 32, {raw3}, \i * 128 + 48
@@ -100,9 +93,7 @@
     upper \i * 128, 8, {k2}
     upper \i * 128, 12, {k3}
     add {raw}, {raw3}, {stride}
-    add {raw1}, {raw}, {stride}
-    add {raw2}, {raw1}, {stride}
-    add {raw3}, {raw2}, {stride}
+    rows
     lower \i * 128, 0
     add {half}, {f}, {a}
     add {k0}, {k0}, {half}

@@ -28,9 +28,9 @@ pub(crate) fn totals<const M: usize>(
     // SAFETY: the instructions read what `Walk::new` found within the halves and as much of `each`, and write
     // registers that are given here.
     unsafe {
-        asm!(concat!(include_str!("total_rv32.s"), include_str!("totals_rv32.s"), include_str!("sides_rv32.s"),
+        asm!(concat!(include_str!("total_rv32.s"), include_str!("totals_rv32.s"), include_str!("around_rv32.s"),
                 include_str!("long_turns_rv32.s")),
-            ".purgem total",
+            ".purgem total", ".purgem around",
             own = inout(reg) own => _, east = inout(reg) east => _,
             north = inout(reg) north => _, south = inout(reg) south => _,
             each = inout(reg) each => _, end = in(reg) end,

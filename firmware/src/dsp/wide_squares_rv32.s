@@ -41,10 +41,10 @@
     add {half}, {half}, {a}
     add {k1}, {k1}, {half}
 .endm
-// Looks at the watched pixels, two at a time: `k1` has their peak and `pair` how many are saturated.
+// Looks at the watched pixels, two at a time: `odd` has their peak and `pair` how many are saturated.
 .macro watch floors
     lw {k0}, 12({shared})
-    li {k1}, 0
+    li {odd}, 0
     li {pair}, 0
     .irp x, 8, 12
     lhu {a}, \x({raw1})
@@ -63,27 +63,20 @@
     and {b}, {b}, {f}
     add {pair}, {pair}, {a}
     add {pair}, {pair}, {b}
-    sub {c}, {c}, {k1}
+    sub {c}, {c}, {odd}
     sgtz {e}, {c}
     mul {c}, {c}, {e}
-    add {k1}, {k1}, {c}
-    sub {d}, {d}, {k1}
+    add {odd}, {odd}, {c}
+    sub {d}, {d}, {odd}
     sgtz {e}, {d}
     mul {d}, {d}, {e}
-    add {k1}, {k1}, {d}
+    add {odd}, {odd}, {d}
     .endr
 .endm
 
-// The `i`-th window from where the pointers are; `out` is where it goes from one that is not to be taken.
-.macro square i, out
-    begin \i, \out
-    watch \i * 128
-    sw {k1}, \i * {windows} + {seen_peak}({window})
-    sw {pair}, \i * {windows} + {seen_saturated}({window})
-    // All rows.
-    add {raw1}, {raw}, {stride}
-    add {raw2}, {raw1}, {stride}
-    add {raw3}, {raw2}, {stride}
+// The sums of the `i`-th window from where the pointers are, whose rows are from `raw` on.
+.macro sums i
+    rows
     signals {k0}, {odd}, 0, {raw}, \i * 128, {raw1}, \i * 128 + 16
     add {k0}, {k0}, {odd}
     signals {a}, {b}, 0, {raw2}, \i * 128 + 32, {raw3}, \i * 128 + 48
@@ -95,9 +88,7 @@
     upper \i * 128, \x
     .endr
     add {raw}, {raw3}, {stride}
-    add {raw1}, {raw}, {stride}
-    add {raw2}, {raw1}, {stride}
-    add {raw3}, {raw2}, {stride}
+    rows
     li {half}, 0
     .irp x, 0, 2, 4, 6, 8, 10, 12, 14
     lower \i * 128, \x
