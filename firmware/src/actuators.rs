@@ -10,7 +10,8 @@
 //! flat mirror) and c1 (the change of v over 2^21 ulp, which has the actuator's height per piston in
 //! it) are i32 and the product i64 (2^31 x 2^27 = 2^58). The response is monotonic and both ends of
 //! the height range are checked when the configuration is built, so a code never leaves its DAC;
-//! rounding is to nearest, of a root as [there](root). A DAC of fewer than 16 bits uses the upper ones of a 16-bit code, rounded.
+//! rounding is to nearest, of a root as [there](root). A DAC of fewer than 16 bits uses the upper ones of a 16-bit
+//! code, rounded.
 //!
 //! A root is of 24 bits of v: less than one of these too low or too high, 2^-24 of the highest, as both c0 and the
 //! product lose what is below. Of an actuator that needs the whole stroke for all its codes that is 2 ulp.
