@@ -1,5 +1,6 @@
 //! The relaxation of [`crate::sor`] in RISC-V's own instructions for pupils of 7, 8, 15 and 16 subapertures across
-//! whose nodes all have two neighbours at least, and steps of 32 fraction bits: four rows at a time. An odd number has a row of padding more.
+//! whose nodes all have two neighbours at least, and steps of 32 fraction bits: four rows at a time. An odd number
+//! has a row of padding more.
 //!
 //! Of one colour a row's nodes and the next one's stand in a zigzag, whose sides they share:
 //!
@@ -21,10 +22,9 @@ use crate::geometry::Grid;
 use crate::sor::{Coupling, Totals, Unknown};
 use core::arch::asm;
 
-/// Relaxes the nodes of one colour after the other, `sweeps` times with omega - 1 in Q32, and tells the sums over
-/// the black ones, which
-/// are final with the last step; `None`, with nothing done, where pupil or halves have another size or there are no
-/// sweeps.
+/// Relaxes the nodes of one colour after the other, `sweeps` times with omega - 1 in Q32, and tells the sums over the
+/// black ones, which are final with the last step; `None`, with nothing done, where pupil or halves have another size
+/// or there are no sweeps.
 ///
 /// Not inlined: it is large.
 #[inline(never)]

@@ -130,7 +130,8 @@ impl Line {
         #[cfg(target_arch = "riscv32")]
         run!(concat!(include_str!("limit_rv32.s"), include_str!("step_rv32.s"), include_str!("relax_rv32.s"),
                 include_str!("around_rv32.s"), include_str!("long_turns_rv32.s"),
-                ".purgem take_step\n.purgem widen\n.purgem limit\n.purgem around"), k = out(reg) _, rhs = out(reg) _, short_by = in(reg) short_by,);
+                ".purgem take_step\n.purgem widen\n.purgem limit\n.purgem around"),
+            k = out(reg) _, rhs = out(reg) _, short_by = in(reg) short_by,);
         #[cfg(armv7em)]
         run!(include_str!("relax_armv7em.s"), out("r0") _,);
     }
